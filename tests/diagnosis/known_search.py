@@ -64,6 +64,7 @@ class LinearProblem:
         self.drift = stepping * shape(9.0)
         self.noise = {CHANNEL: 1.0}
         self.step, self.soft, self.beliefs = STEP, 5.0, ()
+        self.has_moved_starts = False
         self.windows: Any = tuple(self._window(name) for name in RUNS)
         self.pieces = tuple(
             Piece(k, slice(k * TICKS, (k + 1) * TICKS), np.arange(TICKS), np.zeros(TICKS, int))

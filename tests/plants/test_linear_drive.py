@@ -76,6 +76,16 @@ def test_creep_is_the_inverse_tanh() -> None:
     assert out["velocity"][-1] == pytest.approx(1e-4 * np.arctanh(0.5), rel=1e-3)
 
 
+@pytest.mark.parametrize("creep", [1e-9, 1e-7, 1e-6, 1e-5])
+def test_friction_that_creeps_ever_slower_becomes_sticking(creep) -> None:
+    """A width that one step passes many times over holds the speed as sticking does."""
+    volts = 3.0 * np.sin(2 * np.pi * 5 * TIME)
+    options = {"coulomb_friction": 20.0, "mass": 2.0, "viscous_friction": 50.0, "step": 2e-4}
+    sticks = _run(TIME, {"voltage": volts}, creep_speed=0.0, **options)["velocity"]
+    creeps = _run(TIME, {"voltage": volts}, creep_speed=creep, **options)["velocity"]
+    assert np.max(np.abs(creeps - sticks)) < 5e-3 * np.max(np.abs(sticks))
+
+
 def test_error_falls_with_the_square_of_the_step() -> None:
     volts = 3.0 * np.sin(2 * np.pi * 3 * TIME)
     options = {"coulomb_friction": 20.0, "mass": 2.0, "viscous_friction": 50.0}

@@ -73,11 +73,7 @@ def cut_windows(
     """
     n = measured.time.size
     starts = [0]
-    shaken = _is_shaken(measured)
-    bounded = measured.run.locked or measured.run.bypass_open or _follows(measured)
-    # what an elastic joint holds in the midst of a motion is only known from the run's start on
-    whole = (bounded or bool(measured.roles.bent)) and not shaken
-    allowed = None if whole else _permitted_starts(measured, noise)
+    allowed = None if is_whole(measured) else _permitted_starts(measured, noise)
     forced = set(measured.breaks)
     for k in range(1, n):
         long_enough = measured.time[k] - measured.time[starts[-1]] >= length
@@ -88,9 +84,16 @@ def cut_windows(
         for first, last in zip(starts, [*starts[1:], n], strict=True)
         if last - first >= 4
     ]
-    if not shaken:
+    if not _is_shaken(measured):
         return windows
     return [part for window in windows for part in split(window, LONGEST_SHAKEN)]
+
+
+def is_whole(measured: Measured) -> bool:
+    """Whether a run is simulated from its start, and cut nowhere but at gaps."""
+    bounded = measured.run.locked or measured.run.bypass_open or _follows(measured)
+    # what an elastic joint holds in the midst of a motion is only known from the run's start on
+    return (bounded or bool(measured.roles.bent)) and not _is_shaken(measured)
 
 
 def _follows(measured: Measured) -> bool:

@@ -32,14 +32,16 @@ from eha_bench.diagnosis.data.windows import (
 )
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.evidence import refined_noise
+from eha_bench.diagnosis.fit.friction_at_rest import at_rest, friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.outlier_runs import notes_of, outlier_runs
 from eha_bench.diagnosis.fit.own_parameters import with_clocks, with_own
-from eha_bench.diagnosis.fit.problem import Problem, cost_of
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.residual_colour import NOTHING_SEEN, noise_of_residual
+from eha_bench.diagnosis.fit.settled import settled_fit
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
 from eha_bench.diagnosis.fit.starts import MultistartFit, best_fit_of_starts
-from eha_bench.plants.layout import Layout
+from eha_bench.diagnosis.fit.steady_windows import steady_problem, unsteady_notes
 
 STEP = 2e-4
 """Integration step of fits, s: five a tick at 1 kHz; its error is below 0.1 of usual noise."""
@@ -62,21 +64,6 @@ CHUNK = 4.0
 
 CHUNK_TICKS = 250
 """And in ticks, at least."""
-
-_CREEPS = "creep_speed"
-_AT_REST: Mapping[str, tuple[float, ...]] = {
-    "m/s": (0.0, 1e-5, 1e-4, 1e-3),
-    "rad/s": (0.0, 1e-3, 1e-2, 1e-1),
-}
-"""Speeds over which friction may creep at rest, by their unit."""
-_ALIKE = 0.1
-"""Share by which two such speeds differ that are one."""
-_TELLING = 20.0
-"""Fall of the cost that says that friction at rest is another one."""
-_ROUNDS = 4
-"""Times that starts are moved after a fit, and it is made again."""
-_SETTLED = 4.0
-"""Fall of the cost, two standard deviations, from which it is worth another time."""
 
 
 @dataclass
@@ -108,24 +95,6 @@ class Baseline:
         """Return the same where runs begin at other angles of the shaft, by name."""
         measured = tuple(item.at_angles(starts) for item in self.measured)
         return replace(self, measured=measured, problem=self.problem.at_angles(starts))
-
-
-def is_friction_at_rest(key: str) -> bool:
-    """Whether a parameter says how friction behaves at rest.
-
-    No data sheet declares that: it is always fitted, and never an effect. Sticking (0) is
-    asked for again like any other: creeping may have imitated what was missing.
-    """
-    return key.endswith(_CREEPS)
-
-
-def friction_at_rest_of(layout: Layout) -> dict[str, tuple[float, ...]]:
-    """Return the speeds that are tried for how friction behaves at rest, by parameter."""
-    return {
-        item.name: _AT_REST[item.unit]
-        for item in layout.parameters
-        if is_friction_at_rest(item.name) and item.unit in _AT_REST
-    }
 
 
 def no_progress(_stage: str, _fraction: float) -> None:
@@ -282,13 +251,15 @@ def _calibrate(
     noise = refined_noise(rough, fit.residual, noise) | seen.levels
     problem = rough.with_noise(noise).at_step(STEP)
     problem.prepare(fit.vector)
+    uncut, problem = problem, steady_problem(problem, fit.vector)
     problem.scale_to(problem.residual(fit.vector))
     keys = _keys(dataset, problem)
     nuisance = tuple(key for key in friction_at_rest_of(layout) if key not in keys)
+    known = fit.columns if problem is uncut else None
     fit = levenberg_marquardt(
-        problem, fit.vector, fit.free, known=fit.columns, refresh=1, watch=best.append
+        problem, fit.vector, fit.free, known=known, refresh=1, watch=best.append
     )
-    fit = _with_moved_starts(problem, fit, best)
+    fit = settled_fit(problem, fit, best.append)
     progress("calibrate", 1.0)
     return Baseline(
         dataset,
@@ -297,23 +268,14 @@ def _calibrate(
         fit,
         (*keys, *nuisance),
         nuisance,
-        (*notes_of(outliers), *(colour_notes(measured) if seen.colours else ())),
+        (
+            *notes_of(outliers),
+            *unsteady_notes(uncut.windows, problem.windows),
+            *(colour_notes(measured) if seen.colours else ()),
+        ),
         arrival.tried,
         arrival.agreed,
     )
-
-
-def _with_moved_starts(problem: Problem, fit: Fit, best: list[FloatArray]) -> Fit:
-    """Return a fit after which windows whose starts were moved ask for no other start."""
-    for _ in range(_ROUNDS):
-        if not problem.has_moved_starts:
-            break
-        problem.prepare(fit.vector)
-        before = cost_of(problem, fit.vector)
-        fit = levenberg_marquardt(problem, fit.vector, fit.free, refresh=1, watch=best.append)
-        if fit.cost > before - _SETTLED:
-            break
-    return fit
 
 
 def _rest_is_seen(measured: Sequence[Measured]) -> bool:
@@ -409,73 +371,3 @@ def _as_far_as(
     free = free_parameters(problem.places, (*keys, *creeps), vector)
     fit = levenberg_marquardt(problem, vector, free, iterations=0)
     return Baseline(dataset, measured, problem, fit, (*keys, *nuisance), nuisance)
-
-
-def at_rest(problem: Problem, fit: Fit) -> Fit:
-    """Return a fit with friction at rest as the data ask for: sticking, or creeping at any speed.
-
-    The spread of start states depends on how friction creeps, so the problem is prepared again
-    for each fit that is compared, and for the one returned.
-    """
-    layout = problem.plant.layout
-    vector = fit.vector
-    for key, sizes in friction_at_rest_of(layout).items():
-        moving = [
-            k
-            for k, window in enumerate(problem.windows)
-            if layout.by_key[key].unit == "rad/s" or not window.measured.run.locked
-        ]
-        if not moving:
-            continue
-        at = layout.index[key]
-        part = problem.subset(moving).apart()
-        costs = {}
-        own = float(vector[at])
-        # a fit moves it by so little itself
-        others = (size for size in sizes if abs(size - own) > _ALIKE * own)
-        for size in dict.fromkeys((own, *others)):
-            trial = vector.copy()
-            trial[at] = size
-            part.prepare_starts(trial)
-            costs[size] = cost_of(part, trial)
-        size = min(costs, key=lambda size: costs[size])
-        if costs[size] < costs[own] - _TELLING:
-            vector = vector.copy()
-            vector[at] = size
-    if vector is fit.vector:
-        return fit
-    problem.prepare(vector)
-    return _along(problem, fit, vector)
-
-
-def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
-    """Return a fit with friction at rest as the data ask for, in a problem prepared as it is."""
-    layout = problem.plant.layout
-    for key, sizes in friction_at_rest_of(layout).items():
-        at = layout.index[key]
-        best, cost = fit.vector, fit.cost
-        for size in sizes:
-            trial = fit.vector.copy()
-            trial[at] = size
-            if (reached := cost_of(problem, trial)) < cost:
-                best, cost = trial, reached
-        if best is not fit.vector:
-            moved = _along(problem, fit, best)
-            if moved.cost < fit.cost - _TELLING:
-                fit = moved
-    return fit
-
-
-def _along(problem: Problem, fit: Fit, vector: FloatArray) -> Fit:
-    """Return the fit from a vector whose friction at rest is another one."""
-    layout = problem.plant.layout
-    changed = [
-        key
-        for key in friction_at_rest_of(layout)
-        if vector[layout.index[key]] != fit.vector[layout.index[key]]
-    ]
-    known = {key: column for key, column in fit.columns.items() if key not in changed}
-    creeps = [key for key in changed if vector[layout.index[key]] != 0.0]
-    free = [item for item in fit.free if item.key not in changed]
-    free += free_parameters(layout, creeps, vector)
-    return levenberg_marquardt(problem, vector, free, iterations=4, known=known, refresh=0)

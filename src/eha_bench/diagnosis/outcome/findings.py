@@ -9,10 +9,11 @@ import numpy as np
 
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.data.dataset import Dataset
-from eha_bench.diagnosis.fit.baseline import COARSE, Baseline, friction_at_rest_of
+from eha_bench.diagnosis.fit.baseline import COARSE, Baseline
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
 from eha_bench.diagnosis.fit.finish import ConvergedFit, converged_fit
+from eha_bench.diagnosis.fit.friction_at_rest import friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.own_parameters import LATENESS, Places
 from eha_bench.diagnosis.fit.profile import profile_deviation

@@ -10,11 +10,12 @@ import math
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, excess
+from eha_bench.diagnosis.fit.friction_at_rest import sticks
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.profile import cost_with
 from eha_bench.diagnosis.fit.uncertainty import Spread, spreads
-from eha_bench.diagnosis.search.refit import BENT, polish_afresh, sticks
+from eha_bench.diagnosis.search.refit import BENT, polish_afresh
 from eha_bench.diagnosis.search.state import Accepted, Search
 
 

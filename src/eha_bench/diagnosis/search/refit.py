@@ -10,18 +10,19 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.start_angle import StartAngle
-from eha_bench.diagnosis.fit.baseline import (
-    COARSE,
-    SCREENING,
-    at_rest,
-    friction_at_rest,
-    is_friction_at_rest,
-)
+from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.convergence import has_gone_far
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
+from eha_bench.diagnosis.fit.friction_at_rest import (
+    at_rest,
+    friction_at_rest,
+    is_friction_at_rest,
+    sticks,
+)
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.settled import settled_fit_of_one
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic
@@ -58,11 +59,6 @@ def free_of(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple
     return free_parameters(places, keys, vector)
 
 
-def sticks(key: str, value: float) -> bool:
-    """Whether friction at rest has come back to sticking: free there, it spoils a Jacobian."""
-    return is_friction_at_rest(key) and value == 0.0
-
-
 def refit(search: Search, coarse: Problem, item: Screened) -> Refit:
     """Fit a screened candidate roughly, from where the search is."""
     vector = starting_point(coarse, item, search.fit)
@@ -79,13 +75,9 @@ def refit(search: Search, coarse: Problem, item: Screened) -> Refit:
 
 def polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
     """Fit to the end, from where the rough fit is."""
-    return levenberg_marquardt(
-        search.problem,
-        rough.vector,
-        free_of(search, rough.vector, extra),
-        known=rough.columns,
-        refresh=1,
-    )
+    free = free_of(search, rough.vector, extra)
+    fit = levenberg_marquardt(search.problem, rough.vector, free, known=rough.columns, refresh=1)
+    return settled_fit_of_one(search.problem, fit)
 
 
 def polish_afresh(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:

@@ -25,6 +25,13 @@ LANES = 8
 FINE = 25e-6
 """Step across a valve that opens or closes, s: an open one fills its chamber in 10 to 25 us."""
 
+_BALANCED = 0.999
+"""Share of the friction up to which a speed balances what acts; above it, none is near."""
+_LANDS = 2.0 / GAMMA
+"""Chords that a step needs to end at their foot, where friction is all there on the way."""
+_APART = 1e-3
+"""Widths from which two speeds have a chord."""
+
 _SWITCHES = 0.5
 """Share of a conductance that comes or goes where a valve opens or closes."""
 
@@ -36,10 +43,19 @@ def creep(
     """Rate of change against friction that creeps, level * tanh(speed / width), and its slope.
 
     The slope, per inertia in 1/s, is for the implicit step: the steepest that it may meet, at the
-    slower of its ends, or at rest where it reverses.
+    slower of its ends. Where a step passes the whole width and reverses, it is the chord's, to the
+    speed at which friction balances `net`: the tangent at rest would be far too steep, and hold
+    the speed where it is. Where `net` is more than friction, the chord is to the step's end.
     """
     rate = (net - level * math.tanh(speed / width)) / inertia
     later = speed + h * rate
+    if speed * later <= 0.0 and abs(later - speed) > width:
+        settled = later
+        if abs(net) < _BALANCED * level:
+            settled = width * math.atanh(net / level)
+        if abs(settled - speed) > _APART * width:
+            fall = math.tanh(settled / width) - math.tanh(speed / width)
+            return rate, _LANDS * level / inertia * fall / (settled - speed)
     slowest = 0.0 if speed * later <= 0.0 else min(abs(speed), abs(later))
     shape = math.tanh(slowest / width)
     return rate, level / (width * inertia) * (1.0 - shape * shape)
