@@ -14,7 +14,7 @@ from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Piece, Problem
 from eha_bench.diagnosis.fit.settled import settled_fit
-from eha_bench.diagnosis.fit.steady_windows import steady_problem, unsteady_notes
+from eha_bench.diagnosis.fit.steady_windows import cut_alike, steady_problem, unsteady_notes
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
 
@@ -121,3 +121,10 @@ def test_friction_that_sticks_holds_no_other_parameter(model) -> None:
     fit = settled_fit(problem, begun)
     assert [item.key for item in fit.free] == ["drag.viscous"]
     assert fit.vector[at["drag.viscous"]] == pytest.approx(0.02, rel=0.02)
+
+
+def test_two_models_are_held_against_the_same_stretches(model) -> None:
+    windows = _windows(model, "swing", 10)
+    steady = steady_problem(Unsure(windows, {3: 300, 7: 20}), model.vector())
+    alike = cut_alike(Unsure(_windows(model, "swing", 10), {}), steady)
+    assert [(w.first, w.last) for w in alike.windows] == [(w.first, w.last) for w in steady.windows]

@@ -20,6 +20,7 @@ from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_mar
 from eha_bench.diagnosis.fit.own_parameters import with_own
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.starts import best_fit_of_starts
+from eha_bench.diagnosis.fit.steady_windows import steady_problem
 from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates
 from eha_bench.plants.model import Model
 
@@ -28,6 +29,8 @@ SHARE = 1.0 / 3.0
 _STEP = 2e-4
 _FEWEST = 4
 """Ticks of the shortest window."""
+_MOST = 0.6
+"""Share of the part that may be left out as unsure: a run's own parameters are few."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,10 @@ def first_part(measured: Measured, model: Model, noise: Mapping[str, float]) -> 
     free = free_parameters(problem.places, keys, vector)
     # a load that is far from the declared one starts the run elsewhere: one start is not enough
     fit = best_fit_of_starts(problem, vector, free, lambda _: None).fit
-    problem.scale_to(fit.residual)
+    # windows that began with another load had other starts
+    problem.prepare(fit.vector)
+    problem = steady_problem(problem, fit.vector, _MOST)
+    problem.scale_to(problem.residual(fit.vector))
     fit = levenberg_marquardt(problem, fit.vector, free, iterations=4)
     intervals = estimates(fit, groups_of(problem), {})
     found = {}

@@ -22,11 +22,11 @@ _SURE = 0.01
 """Mean square over a window, in the noise's, that half a step of integration may change."""
 _FEWEST = 0.25
 """Least share of a window that is kept; of less, its start would be most."""
-_FEW = 0.2
-"""Largest share of what is simulated that may go: where more would, nothing goes."""
+FEW = 0.2
+"""Share of what is simulated that may go from a fit of a whole model."""
 
 
-def steady_problem(problem: Problem, vector: FloatArray) -> Problem:
+def steady_problem(problem: Problem, vector: FloatArray, most: float = FEW) -> Problem:
     """Return the problem over its windows as far as their simulation is sure, prepared.
 
     Runs that are simulated whole stay as they are.
@@ -34,11 +34,12 @@ def steady_problem(problem: Problem, vector: FloatArray) -> Problem:
     Args:
         problem: prepared at the vector, at the step that fits will have; the same is returned
             where nothing is cut. vector: parameters.
+        most: share of what is simulated that may go; where more would, nothing goes.
     """
     change = problem.residual(vector) - problem.at_step(0.5 * problem.step).residual(vector)
     kept = [*_kept(problem, change)]
     before, left = (sum(_ticks(window) for window in own) for own in (problem.windows, kept))
-    if not (1.0 - _FEW) * before <= left < before:
+    if not (1.0 - most) * before <= left < before:
         return problem
     steady = problem.over(kept)
     steady.prepare(vector)
@@ -55,6 +56,17 @@ def _kept(problem: Problem, change: FloatArray) -> Iterator[Window]:
         ticks = int(piece.ticks[np.searchsorted(grown, _SURE * grown.size)])
         if ticks >= _FEWEST * _ticks(window):
             yield replace(window, last=window.first + ticks)
+
+
+def cut_alike(problem: Problem, steady: Problem) -> Problem:
+    """Return a problem over the stretches of another one of the same runs; it needs `prepare`.
+
+    Args:
+        problem: over whole windows. steady: over these, as far as their simulation is sure.
+    """
+    ends = {(item.measured.run.name, item.first): item.last for item in steady.windows}
+    places = ((item, (item.measured.run.name, item.first)) for item in problem.windows)
+    return problem.over([replace(item, last=ends[at]) for item, at in places if at in ends])
 
 
 def _ticks(window: Window) -> int:

@@ -28,6 +28,7 @@ from eha_bench.diagnosis.fit.start_angles import (
     estimated_angles,
     starts_of,
 )
+from eha_bench.diagnosis.fit.steady_windows import cut_alike, steady_problem
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.covered_ranges import covered_ranges
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
@@ -140,10 +141,7 @@ def scores_of(
     errors: dict[Use, dict[str, ChannelError]] = {}
     for use in Use:
         mine = [item for item in replays if item.use is use]
-        before, after = (
-            _over_windows(dataset, base, noise, use, held_out, vector, values)
-            for vector, values in zip(vectors, own[1:], strict=True)
-        )
+        before, after = _over_windows(dataset, base, use, held_out, vectors, (own[1], own[2]))
         errors[use] = replay_errors(mine, floors(noise), (before, after))
         notes += replay_notes(mine, errors[use])
     per_run = {item.run: item.estimates for item in parts[-1] if item.estimates}
@@ -163,7 +161,12 @@ def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem 
     runs = [item for item in runs if item.run.use is Use.HOLDOUT]
     own = [first_part(item, model, noise).values for item in runs]
     known = [item.knowing(values) for item, values in zip(runs, own, strict=True)]
-    return _windows_of(dataset, known, noise)
+    problem = _windows_of(dataset, known, noise)
+    if problem is None:
+        return None
+    vector = problem.places.lengthened(model.vector())
+    problem.prepare(vector)
+    return steady_problem(problem, vector)
 
 
 def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured], list[str]]:
@@ -193,16 +196,27 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
 def _over_windows(
     dataset: Dataset,
     base: Baseline,
-    noise: dict[str, float],
     use: Use,
     held_out: list[Measured],
-    vector: FloatArray,
-    own: OwnValues,
-) -> dict[str, float]:
-    """Return each channel's error over windows of the runs for one use, SI."""
-    runs = [item.knowing(own.get(item.run.name, {})) for item in held_out if item.run.use is use]
-    problem = base.problem if use is Use.TRAIN else _windows_of(dataset, runs, noise)
-    return {} if problem is None else rms_by_channel(problem, vector)
+    vectors: tuple[FloatArray, FloatArray],
+    own: tuple[OwnValues, OwnValues],
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return each channel's error over windows of the runs for one use, SI, by both models.
+
+    Where a simulation by the last one is no longer sure its error says nothing of the model:
+    held-out windows end there, as those of training do.
+    """
+    if use is Use.TRAIN:
+        return rms_by_channel(base.problem, vectors[0]), rms_by_channel(base.problem, vectors[1])
+    runs = [item for item in held_out if item.run.use is use]
+    known = [[item.knowing(values.get(item.run.name, {})) for item in runs] for values in own]
+    before, after = (_windows_of(dataset, items, base.problem.noise) for items in known)
+    if before is None or after is None:
+        return {}, {}
+    after.prepare(vectors[1])
+    after = steady_problem(after, vectors[1])
+    before = cut_alike(before, after)
+    return rms_by_channel(before, vectors[0]), rms_by_channel(after, vectors[1])
 
 
 def _windows_of(dataset: Dataset, runs: list[Measured], noise: dict[str, float]) -> Problem | None:
