@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.own_parameters import RunParameter
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.search import refit
 from eha_bench.diagnosis.search.refit import Near, Nearby, starting_point
 from eha_bench.diagnosis.search.screen import Screened
+from eha_bench.diagnosis.search.state import Search
 
 
 class Squared:
@@ -83,13 +87,23 @@ def test_declared_values_are_tried_as_well_where_parameters_have_gone_far(
     near = object.__new__(Near)
     near.fit = Fit(np.array([near_value, 7.0]), (), np.zeros(0), np.zeros((0, 0)), 0.0)
     near.problem = SimpleNamespace()
-    places = SimpleNamespace(index={"friction": 0})
-    near.search = SimpleNamespace(
-        keys=["friction"],
-        declared_vector=np.array([declared, 7.0]),
-        problem=SimpleNamespace(places=places),
-    )
+    near.search = _search_of({"friction": 0}, np.array([declared, 7.0]))
     monkeypatch.setattr(near, "_free", lambda *_: ())
     assert len(list(near._as_declared())) == int(tried)
     for vector in found:
         assert vector.tolist() == [declared, 7.0]
+
+
+def test_what_nobody_declared_stays_as_fitted() -> None:
+    """A load of kilonewtons that is set to nothing bends all that is fitted after it."""
+    load = RunParameter("load.force", "steps", 1)
+    search = _search_of({"friction": 0, load.key: 1}, np.array([1.0, 0.0]), load)
+    assert search.as_declared(np.array([5.0, 3000.0])).tolist() == [1.0, 3000.0]
+
+
+def _search_of(index: dict[str, int], declared: np.ndarray, *behind: RunParameter) -> Search:
+    search = object.__new__(Search)
+    search.keys, search.declared_vector = tuple(index), declared
+    places = SimpleNamespace(index=index, behind=behind)
+    search.problem = cast(Problem, SimpleNamespace(places=places))
+    return search

@@ -103,12 +103,8 @@ def restarted_fit(search: Search, vector: FloatArray, extra: Sequence[Start]) ->
     Without an effect the parameters had been bent to imitate it, and over long windows they may
     stay caught there; short windows have hardly any other minimum.
     """
-    problem = search.problem
-    index = problem.places.index
-    again = vector.copy()
-    for key in search.keys:
-        again[index[key]] = search.declared_vector[index[key]]
-    coarse = problem.at_step(COARSE)
+    again = search.as_declared(vector)
+    coarse = search.problem.at_step(COARSE)
     short = medium_problem(coarse)
     short.prepare(again)
     short.scale_to(short.residual(again))
@@ -180,10 +176,7 @@ class Near:
         return kept
 
     def _from_declared(self) -> Fit:
-        index = self.search.problem.places.index
-        vector = self.search.fit.vector.copy()
-        for key in self.search.keys:
-            vector[index[key]] = self.search.declared_vector[index[key]]
+        vector = self.search.as_declared(self.search.fit.vector)
         self._weigh(vector)
         free = self._free(vector, ())
         fit = levenberg_marquardt(self.problem, vector, free, iterations=6, refresh=1)
@@ -200,14 +193,8 @@ class Near:
         that rose before it slid was fitted best without any. Where no parameter moves far, this
         would be the same again.
         """
-        index, declared = self.search.problem.places.index, self.search.declared_vector
-        vector = self.fit.vector.copy()
-        far = False
-        for key in self.search.keys:
-            before, now = float(declared[index[key]]), float(vector[index[key]])
-            far = far or has_gone_far(before, now)
-            vector[index[key]] = before
-        if far:
+        vector, now = self.search.as_declared(self.fit.vector), self.fit.vector
+        if any(has_gone_far(float(vector[at]), float(now[at])) for at in range(vector.size)):
             free = self._free(vector, ())
             yield levenberg_marquardt(self.problem, vector, free, iterations=0)
 

@@ -111,6 +111,18 @@ class Search:
         self.excess_base, self.excess_left = kept.excess_base, kept.excess_left
         self.accepted = list(kept.accepted)
 
+    def as_declared(self, vector: FloatArray) -> FloatArray:
+        """Return a vector with what is calibrated as it was declared.
+
+        A run's own load and how late stamps are were declared by nobody: they stay as fitted.
+        """
+        places, out = self.problem.places, vector.copy()
+        undeclared = {item.key for item in places.behind}
+        for key in self.keys:
+            if key not in undeclared:
+                out[places.index[key]] = self.declared_vector[places.index[key]]
+        return out
+
     @property
     def is_unexplained(self) -> bool:
         """Whether what is left holds more than noise and what a nearly right model leaves."""
