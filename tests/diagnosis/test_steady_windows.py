@@ -97,6 +97,13 @@ def test_a_window_ends_where_half_a_step_begins_to_matter(model) -> None:
     )
 
 
+def test_a_stretch_over_two_windows_is_one_in_the_note(model) -> None:
+    windows = _windows(model, "swing", 10)
+    steady = steady_problem(Unsure(windows, {3: 300, 4: 0}), model.vector())
+    (note,) = unsteady_notes(windows, steady.windows)
+    assert note.startswith("run 'swing' is not fitted at 3.03 to 4 s: ")
+
+
 def test_sure_windows_stay_as_they_are(model) -> None:
     problem = Problem(model.plant, _windows(model, "swing", 4), NOISE, STEP)
     problem.prepare(model.vector())

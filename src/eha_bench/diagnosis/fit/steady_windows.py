@@ -85,8 +85,11 @@ def unsteady_notes(before: Sequence[Window], after: Sequence[Window]) -> list[st
         first = ends.get((id(window.measured), window.first), window.first)
         if first < window.last:
             time = window.measured.time
-            stretch = float(time[first]), float(time[window.last - 1])
-            stretches.setdefault(window.measured.run.name, []).append(stretch)
+            own = stretches.setdefault(window.measured.run.name, [])
+            # a stretch over several windows is one
+            joins = own and first > 0 and own[-1][1] == time[first - 1]
+            begins = own.pop()[0] if joins else float(time[first])
+            own.append((begins, float(time[window.last - 1])))
     return [
         f"run '{name}' is not fitted at {', '.join(f'{a:.3g} to {b:.3g} s' for a, b in own)}: "
         "there a simulation depends on the last digits of its parameters"
