@@ -249,9 +249,8 @@ def _calibrate(
     best.append(fit.vector)
     progress("calibrate", 0.6)
     noise = refined_noise(rough, fit.residual, noise) | seen.levels
-    problem = rough.with_noise(noise).at_step(STEP)
-    problem.prepare(fit.vector)
-    uncut, problem = problem, steady_problem(problem, fit.vector)
+    uncut = rough.with_noise(noise).at_step(STEP)
+    problem = steady_problem(uncut, fit.vector)
     problem.scale_to(problem.residual(fit.vector))
     keys = _keys(dataset, problem)
     nuisance = tuple(key for key in friction_at_rest_of(layout) if key not in keys)

@@ -109,7 +109,6 @@ def first_part(measured: Measured, model: Model, noise: Mapping[str, float]) -> 
     # a load that is far from the declared one starts the run elsewhere: one start is not enough
     fit = best_fit_of_starts(problem, vector, free, lambda _: None).fit
     # windows that began with another load had other starts
-    problem.prepare(fit.vector)
     problem = steady_problem(problem, fit.vector, _MOST)
     problem.scale_to(problem.residual(fit.vector))
     fit = levenberg_marquardt(problem, fit.vector, free, iterations=4)

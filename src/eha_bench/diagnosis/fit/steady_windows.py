@@ -22,20 +22,21 @@ _SURE = 0.01
 """Mean square over a window, in the noise's, that half a step of integration may change."""
 _FEWEST = 0.25
 """Least share of a window that is kept; of less, its start would be most."""
-FEW = 0.2
+_FEW = 0.2
 """Share of what is simulated that may go from a fit of a whole model."""
 
 
-def steady_problem(problem: Problem, vector: FloatArray, most: float = FEW) -> Problem:
+def steady_problem(problem: Problem, vector: FloatArray, most: float = _FEW) -> Problem:
     """Return the problem over its windows as far as their simulation is sure, prepared.
 
     Runs that are simulated whole stay as they are.
 
     Args:
-        problem: prepared at the vector, at the step that fits will have; the same is returned
-            where nothing is cut. vector: parameters.
+        problem: at the step that fits will have; the same is returned where nothing is cut.
+        vector: parameters, at which it is prepared.
         most: share of what is simulated that may go; where more would, nothing goes.
     """
+    problem.prepare(vector)
     change = problem.residual(vector) - problem.at_step(0.5 * problem.step).residual(vector)
     kept = [*_kept(problem, change)]
     before, left = (sum(_ticks(window) for window in own) for own in (problem.windows, kept))
@@ -64,9 +65,19 @@ def cut_alike(problem: Problem, steady: Problem) -> Problem:
     Args:
         problem: over whole windows. steady: over these, as far as their simulation is sure.
     """
-    ends = {(item.measured.run.name, item.first): item.last for item in steady.windows}
-    places = ((item, (item.measured.run.name, item.first)) for item in problem.windows)
-    return problem.over([replace(item, last=ends[at]) for item, at in places if at in ends])
+    ends = _ends(steady.windows)
+    kept = (item for item in problem.windows if _start(item) in ends)
+    return problem.over([replace(item, last=ends[_start(item)]) for item in kept])
+
+
+def _ends(windows: Sequence[Window]) -> dict[tuple[str, int], int]:
+    """Return where windows end, by where they begin."""
+    return {_start(item): item.last for item in windows}
+
+
+def _start(window: Window) -> tuple[str, int]:
+    """Return the run and the tick at which a window begins."""
+    return window.measured.run.name, window.first
 
 
 def _ticks(window: Window) -> int:
@@ -79,10 +90,10 @@ def unsteady_notes(before: Sequence[Window], after: Sequence[Window]) -> list[st
     Args:
         before, after: windows as they were, and as far as their simulation is sure.
     """
-    ends = {(id(window.measured), window.first): window.last for window in after}
+    ends = _ends(after)
     stretches: dict[str, list[tuple[float, float]]] = {}
     for window in before:
-        first = ends.get((id(window.measured), window.first), window.first)
+        first = ends.get(_start(window), window.first)
         if first < window.last:
             time = window.measured.time
             own = stretches.setdefault(window.measured.run.name, [])

@@ -164,9 +164,7 @@ def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem 
     problem = _windows_of(dataset, known, noise)
     if problem is None:
         return None
-    vector = problem.places.lengthened(model.vector())
-    problem.prepare(vector)
-    return steady_problem(problem, vector)
+    return steady_problem(problem, problem.places.lengthened(model.vector()))
 
 
 def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured], list[str]]:
@@ -207,16 +205,20 @@ def _over_windows(
     held-out windows end there, as those of training do.
     """
     if use is Use.TRAIN:
-        return rms_by_channel(base.problem, vectors[0]), rms_by_channel(base.problem, vectors[1])
+        return _rms_at(base.problem, vectors[0]), _rms_at(base.problem, vectors[1])
     runs = [item for item in held_out if item.run.use is use]
     known = [[item.knowing(values.get(item.run.name, {})) for item in runs] for values in own]
     before, after = (_windows_of(dataset, items, base.problem.noise) for items in known)
     if before is None or after is None:
         return {}, {}
-    after.prepare(vectors[1])
     after = steady_problem(after, vectors[1])
     before = cut_alike(before, after)
-    return rms_by_channel(before, vectors[0]), rms_by_channel(after, vectors[1])
+    return _rms_at(before, vectors[0]), rms_by_channel(after, vectors[1])
+
+
+def _rms_at(problem: Problem, vector: FloatArray) -> dict[str, float]:
+    problem.prepare(vector)
+    return rms_by_channel(problem, vector)
 
 
 def _windows_of(dataset: Dataset, runs: list[Measured], noise: dict[str, float]) -> Problem | None:

@@ -125,8 +125,11 @@ def replay_notes(replays: Sequence[Replay], errors: Mapping[str, ChannelError]) 
 
 
 def rms_by_channel(problem: Problem, vector: FloatArray) -> dict[str, float]:
-    """Return each channel's root mean square error over windows, SI, P1 - P2 included."""
-    problem.prepare(vector)
+    """Return each channel's root mean square error over windows, SI, P1 - P2 included.
+
+    Args:
+        problem: prepared at the vector. vector: parameters.
+    """
     residual = problem.with_best_start(vector)
     names = problem.plant.outputs
     sums: dict[str, list[float]] = {}

@@ -49,14 +49,15 @@ def creep(
     """
     rate = (net - level * math.tanh(speed / width)) / inertia
     later = speed + h * rate
-    if speed * later <= 0.0 and abs(later - speed) > width:
+    reverses = speed * later <= 0.0
+    if reverses and abs(later - speed) > width:
         settled = later
         if abs(net) < _BALANCED * level:
             settled = width * math.atanh(net / level)
         if abs(settled - speed) > _APART * width:
             fall = math.tanh(settled / width) - math.tanh(speed / width)
             return rate, _LANDS * level / inertia * fall / (settled - speed)
-    slowest = 0.0 if speed * later <= 0.0 else min(abs(speed), abs(later))
+    slowest = 0.0 if reverses else min(abs(speed), abs(later))
     shape = math.tanh(slowest / width)
     return rate, level / (width * inertia) * (1.0 - shape * shape)
 
