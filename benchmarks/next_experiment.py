@@ -29,6 +29,7 @@ from benchmarks.other_experiments import OtherPlanners
 from benchmarks.safe_proposals import Asked, asked_again
 from benchmarks.table import Row, report_rows
 
+from eha_bench.experiment.propose import ASKED
 from eha_bench.suites import Suite, load_suite
 
 BUDGET = 30.0
@@ -68,11 +69,20 @@ def run_case(
     folder: Path,
     others: Sequence[str],
     budget: float,
+    probability: float = ASKED,
 ) -> Case:
-    """Record, diagnose, plan, run and diagnose again."""
+    """Record, diagnose, plan, run and diagnose again.
+
+    Args:
+        plant: name of the machine's plant. machine: what makes it. number: of the machine.
+        folder: where all of it is kept. others: ways of planning beside.
+        budget: most bench time, s. probability: of the right name, that is asked for. The first
+            recording and its diagnosis are shared by all that is asked of a machine.
+    """
     import eha_bench
 
-    kept = folder / "case.json"
+    mark = "" if probability == ASKED else f"_{probability:g}"
+    kept = folder / f"case{mark}.json"
     if kept.exists():
         return Case.read(kept)
     folder.mkdir(parents=True, exist_ok=True)
@@ -84,16 +94,18 @@ def run_case(
     beside: dict[str, Ended] = {}
     if len(before.causes) > 1:
         began = time.perf_counter()
+        suite_file = folder / f"next{mark}.yaml"
         planned = eha_bench.next_experiment(
-            folder / "before", folder / "next.yaml", budget=budget, safety=folder / "safe.yaml"
-        )
+            folder / "before", suite_file, budget=budget, safety=folder / "safe.yaml",
+            probability=probability,
+        )  # fmt: skip
         took, ending = time.perf_counter() - began, planned.ending.value
         if planned.odds is not None:
             stated, wrong = planned.odds.right, planned.odds.wrong
         if ending == "proposed":
             seconds = planned.bench_seconds
-            more, breached = performed(rig, folder, load_suite(folder / "next.yaml"), "planned")
-            after = diagnosed(more, folder / "after")
+            more, breached = performed(rig, folder, load_suite(suite_file), f"planned{mark}")
+            after = diagnosed(more, folder / f"after{mark}")
             planners = OtherPlanners(folder / "before", folder / "safe.yaml", seconds, number)
             ways = {CHANCE: planners.by_chance, D_OPTIMAL: planners.d_optimal}
             for place, way in enumerate(others):
@@ -101,8 +113,8 @@ def run_case(
                 if suite is None:
                     beside[way] = before
                     continue
-                more, _ = performed(rig, folder, suite, f"other_{place}")
-                beside[way] = diagnosed(more, folder / f"after_{place}")
+                more, _ = performed(rig, folder, suite, f"other_{place}{mark}")
+                beside[way] = diagnosed(more, folder / f"after_{place}{mark}")
     done = Case(
         plant, Truth(rig.truth, rig.variables), number, before, ending, float(stated),
         float(wrong), seconds, rig.first_seconds, took, after, breached, beside,
@@ -174,6 +186,9 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=3, help="machines an effect")
     parser.add_argument("--first", type=int, default=0, help="number of the first machine")
     parser.add_argument("--budget", type=float, default=BUDGET, help="bench time, s")
+    parser.add_argument("--probability", type=float, nargs="+", default=[ASKED],
+                        help="of the right name, that is asked for; each ambiguous machine is "
+                        "asked with all of them")  # fmt: skip
     parser.add_argument("--effects", nargs="+", help="ids; all listed ones by default")
     parser.add_argument("--foreign", action="store_true", help="effects that no diagnosis knows")
     parser.add_argument("--others", nargs="*", choices=[CHANCE, D_OPTIMAL],
@@ -200,8 +215,13 @@ def main() -> int:
                 if time.perf_counter() - began > 60.0 * given.minutes:
                     continue
                 folder = out / f"{plant}-{key}-{number}"
-                done.append(run_case(plant, machine, number, folder, given.others, given.budget))
-                print(table(done[-1:])[1][0], flush=True)
+                for asked in given.probability:
+                    done.append(
+                        run_case(plant, machine, number, folder, given.others, given.budget, asked)
+                    )
+                    print(table(done[-1:])[1][0], flush=True)
+                    if not done[-1].ambiguous:
+                        break
                 if done[-1].ambiguous:
                     again += asked_again(done[-1], machine, folder, given.proposals)
     figures, _ = table(done)
