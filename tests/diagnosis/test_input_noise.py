@@ -187,3 +187,15 @@ def test_what_no_balance_adds_up_leaves_a_locked_run_whole(name) -> None:
     measured = _locked({"current_command": np.zeros(10000), name: noise})
     assert measured.input_noise[name] > 0.0
     assert len(cut_windows(measured, {"pressure_a": 3e4})) == 1
+
+
+@pytest.mark.parametrize("levels", [(-200.0, 0.0, 200.0), (0.0, 50.0, 100.0, 150.0)])
+def test_levels_that_a_load_was_set_to_are_no_resolution(levels) -> None:
+    values = np.repeat(np.random.default_rng(2).choice(levels, 40), 100)
+    assert noise_of_input(values) == 0.0
+
+
+def test_readings_that_flicker_between_few_steps_have_the_noise_of_a_step() -> None:
+    values = np.round(0.4 * np.random.default_rng(3).standard_normal(4000))
+    assert np.unique(values).size < 6
+    assert noise_of_input(values) >= 1.0 / np.sqrt(12.0)

@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.baseline import gather
 from eha_bench.diagnosis.replay.replay import replay
 from eha_bench.plants.model import Model
@@ -51,3 +54,38 @@ def test_a_pendulum_near_its_upper_rest_is_replayed_from_where_it_began() -> Non
     (before,), (after,) = item.prediction_errors("angle"), item.errors("angle")
     assert np.sqrt(np.mean(before**2)) > 50.0 * NOISE["angle"]
     assert np.sqrt(np.mean(after**2)) < 1.5 * NOISE["angle"]
+
+
+def braking(lost: str) -> tuple[Model, list[Measured]]:
+    """A servo that brakes from full speed as the log begins; one's first readings are lost."""
+    model = Model("geared_servo", {"pendulum.mass": 0.0, "gear_friction.viscous": 0.5})
+    start = {"angle": 0.3, "velocity": 8.0}
+    drive = Drive(TIME, {"duty": np.zeros(TIME.size)}, start)
+    values = model.plant.simulate(model.vector(), drive, 5e-5)
+    outputs = dict(zip(model.plant.outputs, values.T, strict=True))
+    generator = np.random.default_rng(3)
+    columns = {
+        name: outputs[name] + size * generator.standard_normal(TIME.size)
+        for name, size in NOISE.items()
+    }
+    columns[lost][:20] = np.nan
+    recording = Recording(TIME, {"duty": np.zeros(TIME.size), **columns})
+    run = Run("one", Path("one.csv"), None, False, False, Use.TRAIN, lambda: recording)
+    measured, _, _, _ = gather(Dataset(model, ("duty",), (run,)))
+    return model, measured
+
+
+def test_a_channel_that_is_first_read_in_motion_began_further_back() -> None:
+    model, measured = braking("velocity")
+    (item,) = replay(measured, [model], NOISE)
+    (before,), (after,) = item.prediction_errors("angle"), item.errors("angle")
+    late, best = (float(np.sqrt(np.nanmean(error**2))) for error in (before, after))
+    assert late > 3.0 * NOISE["angle"]
+    assert best < 1.2 * NOISE["angle"]
+
+
+@pytest.mark.parametrize(("lost", "true"), [("angle", 0.3), ("velocity", 8.0)])
+def test_a_window_begins_where_what_is_first_read_in_motion_comes_from(lost, true) -> None:
+    _, measured = braking(lost)
+    window = window_at(measured[0], 0, 400, NOISE)
+    assert abs(window.initial[lost] - true) < window.spread[lost]

@@ -27,6 +27,10 @@ _FEW_STEPS = 0.5
 _CORRELATED = 2.31
 """Third differences that are worth one: of white noise they correlate by -0.75, 0.3, -0.05."""
 _FEWEST_LEVELS = 3
+_MANY_LEVELS = 32
+"""Levels from which readings were not set to each of them."""
+_RARELY = 0.05
+"""Largest share of samples at which what is set jumps."""
 _ROUNDING = 2.0**-23
 """Relative rounding of single precision."""
 _LEAST = 0.05
@@ -90,7 +94,8 @@ def sharp_noise_of(values: FloatArray) -> float:
 def noise_of_input(values: FloatArray) -> float:
     """Return the standard deviation of a measured input's noise, in its unit (NaN: no samples).
 
-    An input may jump in every block of a hundred samples, but hardly at every fourth of them.
+    An input may jump in every block of a hundred samples, but hardly at every fourth of them. One
+    that rests at a few levels was set to them: what lies between these is no resolution.
 
     Args:
         values: (n,), NaN where nothing was measured.
@@ -99,8 +104,18 @@ def noise_of_input(values: FloatArray) -> float:
     third = third[np.isfinite(third)]
     if third.size < 8:
         return float("nan")
-    step = quantum_of(values[np.isfinite(values)])
+    good = values[np.isfinite(values)]
+    step = 0.0 if _is_set(good) else quantum_of(good)
     return max(_usual(third), noise_of_step(step))
+
+
+def _is_set(values: FloatArray) -> bool:
+    """Whether readings are levels that something was set to: few ones, at which they rest.
+
+    Readings of what moves, in steps of a resolution, flicker from one step to the next.
+    """
+    jumps = np.count_nonzero(np.diff(values))
+    return bool(np.unique(values).size < _MANY_LEVELS and jumps < _RARELY * values.size)
 
 
 def _median_of(freedom: float) -> float:

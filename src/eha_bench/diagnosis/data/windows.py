@@ -214,11 +214,10 @@ def _start(
             continue
         sigma = noise.get(name, 0.0)
         colour = measured.colours.get(name)
-        if lead > 0:
-            part = column[:lead]
-            part = part[np.isfinite(part)]
-            if not part.size:
-                continue
+        part = column[:lead]
+        part = part[np.isfinite(part)]
+        # a channel that is first read after it has begun to move is known by what follows
+        if part.size:
             loud = sigma * (colour.loudness_of_mean(part.size) if colour else 1.0)
             state[name] = float(np.median(part) if part.size > 4 else part.mean())
             if name in measured.roles.rates:
@@ -231,6 +230,8 @@ def _start(
             around = _around(measured, first)
             since = measured.at(name, around) - measured.time[first]
             local = _local(since, column[around])
+            if local is None and rested:
+                local = _before_first_reading(measured.at(name, slice(None)), column)
             if local is None:
                 continue
             state[name] = local[0]
@@ -379,6 +380,15 @@ def _around(measured: Measured, first: int) -> slice:
     if before < jumps.size:
         high = min(high, int(jumps[before]) + 1)
     return slice(low, high)
+
+
+def _before_first_reading(t: FloatArray, y: FloatArray) -> tuple[float, float] | None:
+    """Return the value at time zero by a line through the first readings, and how far it may be."""
+    first = np.flatnonzero(np.isfinite(y))[:_ENOUGH]
+    if first.size < _ENOUGH:
+        return None
+    value = float(np.polyfit(t[first], y[first], 1)[-1])
+    return value, 2.0 * abs(value - float(y[first[0]]))
 
 
 def _local(t: FloatArray, y: FloatArray) -> tuple[float, float] | None:

@@ -214,9 +214,25 @@ def _spreads(
     measured: Measured, start: Mapping[str, float], noise: Mapping[str, float]
 ) -> dict[str, float]:
     """Return how far each state at the start may be off, one standard deviation, SI."""
-    found = {name: noise[name] for name in sorted(start) if noise.get(name, 0.0) > 0.0}
+    found = {
+        name: float(np.hypot(noise[name], _gone_before_read(measured, name)))
+        for name in sorted(start)
+        if noise.get(name, 0.0) > 0.0
+    }
     still = {*measured.roles.acting, *(measured.roles.locked if measured.run.locked else ())}
     return {name: size for name, size in found.items() if name not in still}
+
+
+def _gone_before_read(measured: Measured, name: str) -> float:
+    """Return how far a channel went until its first reading, by how it went on, SI."""
+    column = measured.column(name)
+    read = np.flatnonzero(np.isfinite(column)) if column is not None else np.zeros(0, int)
+    if column is None or read.size < 2 or read[0] == 0:
+        return 0.0
+    first, time = read[0], measured.time
+    later = read[min(np.searchsorted(read, 2 * first), read.size - 1)]
+    rate = (column[later] - column[first]) / (time[later] - time[first])
+    return float(abs(rate) * (time[first] - time[0]))
 
 
 def _start_sensitivity(

@@ -26,6 +26,7 @@ from eha_bench.diagnosis.search.state import (
     rival_share,
     starts_of,
 )
+from eha_bench.diagnosis.search.swing import with_periods
 from eha_bench.plants.layout import Layout
 
 _SHORTLIST = 5
@@ -55,6 +56,7 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     # what is small must not drown in the instants of sticking that a coarser step shifts
     much = is_bent(search.excess_left)
     near = Near.of(search, coarse) if much else None
+    still = with_periods(search, still, near.fit.vector if near else search.fit.vector)
     if near is not None:
         # over long windows only what promised most over short ones
         still = near.promising(still, _PROMISING)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,10 @@ _STRETCH = 0.5
 """Length of the windows over which effects of the shaft's angle are fitted before whole runs, s."""
 _WORTH = 0.1
 """Least share of the short windows' excess that is worth a fit over long ones."""
+_PROMISED = 0.3
+"""Least share of that excess, predicted, for which a fit that fell short goes on."""
+_REACHED = 0.7
+"""Least share of a predicted gain that has not fallen short: a fit gains more than is predicted."""
 
 
 def is_bent(left: Excess) -> bool:
@@ -394,7 +398,15 @@ class Near:
 
     def _refitted_from(self, item: Screened, base: Fit) -> Nearby:
         vector = starting_point(self.problem, item, base)
-        return self.fit_together((item.start,), vector, base.columns)
+        found = self.fit_together((item.start,), vector, base.columns)
+        promised = item.gain > _PROMISED * self.excess
+        if not promised or base.cost - found.fit.cost >= _REACHED * item.gain:
+            return found
+        # slopes of before the candidate have led nowhere
+        fit = levenberg_marquardt(
+            self.problem, found.fit.vector, found.fit.free, iterations=10, refresh=4
+        )
+        return replace(found, fit=fit)
 
     def _trial(self, item: Nearby) -> Refit:
         return Refit(item.starts[-1], self.long(item), NOT_COMPARED)
