@@ -81,7 +81,7 @@ def run_case(
     """
     import eha_bench
 
-    mark = "" if probability == ASKED else f"_{probability:g}"
+    mark = "" if probability == ASKED else f"_{round(100 * probability)}"
     kept = folder / f"case{mark}.json"
     if kept.exists():
         return Case.read(kept)
