@@ -14,10 +14,10 @@ from eha_bench.experiment.decision import (
     SURE,
     DrawRows,
     distances,
+    least_costs,
     odds,
     shares_of_a_decision,
 )
-from eha_bench.experiment.decision import _least_costs as least_costs
 from eha_bench.experiment.response import _furthest as furthest
 
 
@@ -43,7 +43,7 @@ def test_the_least_cost_is_that_of_a_fit_with_the_posterior_as_prior():
     means = [rng.standard_normal(40) for _ in range(2)]
     slopes = [rng.standard_normal((40, 3)), rng.standard_normal((40, 2))]
     layout, rows, outputs = linear(rng, means, slopes, 4)
-    costs = least_costs(layout, rows @ rows.T, 0, 1)
+    costs = least_costs(layout, rows @ rows.T, 1)
     noise = rows[-NOISES:]
     for d in range(5):
         for m in range(NOISES):

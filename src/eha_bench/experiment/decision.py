@@ -38,7 +38,7 @@ SURE = 3.4
 a diagnosis asks for 3.1 (p of 0.001), which a gain in few blocks never reaches."""
 BLOCK = 0.1
 """Length of a block, s."""
-NOISES = 6
+NOISES = 24
 """Draws of noise for each draw of parameters."""
 _SUFFICES = 38.0
 """Distance at which the right rival is named in 95 of 100: the gain is about normal with mean D and
@@ -200,36 +200,32 @@ def posterior_after(
     return np.asarray(rival.root @ np.linalg.solve(inner, rival.root.T))
 
 
-def _least_costs(layout: DrawRows, gram: FloatArray, truth: int, rival: int) -> FloatArray:
-    """Return the least cost of a refit of one rival to what another records.
+def least_costs(layout: DrawRows, gram: FloatArray, rival: int) -> FloatArray:
+    """Return the least cost of a refit of one rival to what each draw of every rival records.
 
-    Shape (draws of the truth, NOISES). What is common to all rivals (the noise's own square)
-    is in it.
+    Shape (draws of all rivals, NOISES). What is common to all rivals (the noise's own square) is in
+    it. With L L' = I + J'J the cost from a centre c is |y_d + e_m - y_c|^2 + |z_c|^2 -
+    |L^-1 (J'(y_d + e_m - y_c) - z_c)|^2: all of it inner products of what d, m and c bring.
     """
     outputs, slopes, noise = layout.rows()
-    d, c, j = (np.arange(item.start, item.stop)
-               for item in (outputs[truth], outputs[rival], slopes[rival]))  # fmt: skip
-    m = np.arange(noise.start, noise.stop)
-    z = layout.draws[rival]
-    own = np.diag(gram)
-    # |y_d + e_m - y_c|^2, (d, m, c)
-    square = (
-        own[d][:, None, None] + own[m][None, :, None] + own[c][None, None, :]
-        + 2.0 * gram[np.ix_(d, m)][:, :, None]
-        - 2.0 * gram[np.ix_(d, c)][:, None, :]
-        - 2.0 * gram[np.ix_(m, c)][None, :, :]
+    own, z = outputs[rival], layout.draws[rival]
+    rows = np.concatenate([gram[: outputs[-1].stop, slopes[rival]], gram[noise, slopes[rival]],
+                           gram[own, slopes[rival]] + z])  # fmt: skip
+    inner = np.eye(z.shape[1]) + gram[slopes[rival], slopes[rival]]
+    taken = np.linalg.solve(np.linalg.cholesky(inner), rows.T)
+    places = np.r_[0 : outputs[-1].stop, noise, own]
+    left = gram[np.ix_(places, places)] - taken.T @ taken
+    d = slice(0, outputs[-1].stop)
+    m = slice(d.stop, d.stop + NOISES)
+    c = slice(m.stop, len(places))
+    square = np.diag(left)
+    costs = (
+        square[d][:, None, None] + square[m][None, :, None]
+        + (square[c] + np.sum(z * z, axis=1))[None, None, :]
+        + 2.0 * left[d, m][:, :, None] - 2.0 * left[d, c][:, None, :]
+        - 2.0 * left[m, c][None, :, :]
     )  # fmt: skip
-    # J' (y_d + e_m - y_c) - z_c, (d, m, c, p)
-    along = (
-        gram[np.ix_(d, j)][:, None, None, :]
-        + gram[np.ix_(m, j)][None, :, None, :]
-        - gram[np.ix_(c, j)][None, None, :, :]
-        - z[None, None, :, :]
-    )
-    inner = np.eye(j.size) + gram[np.ix_(j, j)]
-    solved = np.linalg.solve(inner, along.reshape(-1, j.size).T).T.reshape(along.shape)
-    cost = square + np.sum(z * z, axis=1)[None, None, :] - np.sum(along * solved, axis=-1)
-    return np.asarray(cost.min(axis=2))
+    return np.asarray(costs.min(axis=2))
 
 
 def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]:
@@ -246,11 +242,9 @@ def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]
     of_cause = np.array([causes.index(cause) for cause in layout.causes])
     right, wrong = np.zeros((blocks, count)), np.zeros((blocks, count))
     draws = 0
-    for truth in range(count):
-        costs = np.stack([
-            np.stack([_least_costs(layout, gram, truth, q) for q in range(count)])
-            for gram in grams
-        ])  # fmt: skip
+    every = np.array([[least_costs(layout, gram, q) for q in range(count)] for gram in grams])
+    for truth, rows in enumerate(layout.rows()[0]):
+        costs = every[:, :, rows]
         costs = costs[:, :, 1:] if len(layout.draws[truth]) > 1 else costs
         costs = costs.reshape(blocks, count, -1)
         best = costs.argmin(axis=1)

@@ -79,6 +79,8 @@ _LONGER = 6
 """Most times that an experiment is made longer."""
 _BETTER = 0.02
 """Rise of the probability that is worth more bench time."""
+_NO_BETTER = 2
+"""Times that more bench time brings nothing until it is believed: draws are few."""
 _WORTH = 0.5
 """Least probability of naming the right rival that is worth bench time."""
 
@@ -357,6 +359,7 @@ class _ExperimentSearch:
         The shortest of many that seem to suffice is one that few draws flatter.
         """
         best: tuple[float, list[Experiment]] | None = None
+        no_better = 0
         for number in range(_LONGER):
             self.progress("confirm", number / _LONGER)
             layout = layout_of(self.rivals, _FRESH, np.random.default_rng([self.seed, 4, number]))
@@ -365,12 +368,13 @@ class _ExperimentSearch:
             if len(drawn) < len(parts):
                 break
             found = odds(layout, _one_after_the_other(drawn), self._before)[-1]
-            if best is not None and found.worth < best[0] + _BETTER:
+            if best is None or found.worth >= best[0] + _BETTER:
+                best, no_better = (found.worth, [item.candidate for item in drawn]), 0
+            else:
+                no_better += 1
+            if self._suffices(found) or no_better == _NO_BETTER:
                 break
-            best = found.worth, [item.candidate for item in drawn]
-            if self._suffices(found):
-                break
-            longer = self._longer(best[1])
+            longer = self._longer([item.candidate for item in drawn])
             if longer is None:
                 break
             chosen = longer
@@ -391,28 +395,23 @@ class _ExperimentSearch:
         return None
 
     def _gentlest(self, chosen: Experiment, layout: DrawRows, expected: Odds) -> Experiment:
-        """Return an experiment at the smallest size that decides as surely, longer where need be.
+        """Return an experiment at the smallest size that decides as surely in the same time.
 
         Rivals were fitted to what has been recorded; the further beyond, the less they are worth.
         """
-        longest = max(chosen.seconds, min(_LONGEST, self.budget))
         while chosen.size > _SMALLEST:
             self.progress("gentler", 0.0)
-            item = chosen.at_size(_GENTLER * chosen.size).lasting(longest)
+            item = chosen.at_size(_GENTLER * chosen.size)
             responses = self._respond(item, layout)
             if not responses.safe:
                 break
-            ticks = self._ticks(item)
-            after = odds(layout, self._products(responses, layout, ticks, 50), self._before)
-            enough = [
-                tick
-                for tick, found in zip(ticks, after, strict=True)
-                if found.right >= min(expected.right, self.probability)
-                and found.wrong <= max(expected.wrong, MOST_WRONG)
-            ]
-            if not enough:
+            grams = self._products(responses, layout, self._ticks(item)[-1:], 50)
+            found = odds(layout, grams, self._before)[-1]
+            if found.right < min(expected.right, self.probability) or found.wrong > max(
+                expected.wrong, MOST_WRONG
+            ):
                 break
-            chosen = item.lasting(max(enough[0] / self.bench.rate, chosen.seconds))
+            chosen = item
         return chosen
 
     def _simulate_draws(
