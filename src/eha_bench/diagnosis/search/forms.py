@@ -7,7 +7,6 @@ evidence of a second cause, so forms come first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
@@ -18,15 +17,12 @@ from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.search.exchange import fit_with_item_off
 from eha_bench.diagnosis.search.refit import free_of, polish_at_rest
-from eha_bench.diagnosis.search.screen import Screen
 from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.search.swing import is_swing, with_periods
 from eha_bench.plants.effect import AT
 from eha_bench.plants.layout import Layout
 
 _FINISHED = 2
-_STARTS = 3
-"""Starts of one form that are fitted: of more, those that promise most by a simulation each."""
 
 
 def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
@@ -68,7 +64,8 @@ def take_best_form(search: Search) -> bool:
     starts = forms_of(search.problem.plant.layout, item, search.fit)
     if not starts:
         return False
-    starts = _most_promising(search, item, starts)
+    if any(map(is_swing, starts)):
+        starts = with_periods(search, starts, fit_with_item_off(search, item).vector)
     kept = search.accepted
     search.accepted = kept[:-1]
     try:
@@ -86,26 +83,6 @@ def take_best_form(search: Search) -> bool:
     search.accepted = [*kept[:-1], replace(item, start=start, comparison=found, equivalent=())]
     search.excess_left = excess(search.problem, fit)
     return True
-
-
-def _most_promising(search: Search, item: Accepted, starts: Sequence[Start]) -> list[Start]:
-    """Return the starts from which fits of an effect's other forms begin, a few of each form."""
-    if len(starts) <= _STARTS and not any(map(is_swing, starts)):
-        return list(starts)
-    layout = search.problem.plant.layout
-    effect = layout.effect(item.start.candidate)
-    choices = [layout.index[f"{effect.id}.{p.name}"] for p in effect.parameters if p.choices]
-    without = fit_with_item_off(search, item)
-    forms: dict[tuple[float, ...], list[Start]] = {}
-    for start in with_periods(search, starts, without.vector):
-        settings = dict(start.settings)
-        forms.setdefault(tuple(settings[at] for at in choices), []).append(start)
-    screen = Screen(search.problem.at_step(COARSE), without)
-    found = []
-    for own in forms.values():
-        best = own if len(own) <= _STARTS else [one.start for one in screen.all(own)]
-        found += best[:_STARTS]
-    return found
 
 
 def _rough(search: Search, item: Accepted, start: Start) -> Fit:
