@@ -160,3 +160,14 @@ def test_a_run_knows_parameters_of_its_own(tmp_path):
     at = layout.index["mass"]
     vectors = [run.vector(layout, dataset.model.vector()) for run in dataset.runs]
     assert [vector[at] for vector in vectors] == [100.0, 95.0]
+
+
+@pytest.mark.parametrize(
+    ("model", "inputs"),
+    [("eha_knee", ("current_command",)), ("geared_servo", ("duty",))],
+)
+def test_inputs_that_are_left_out_are_those_of_the_plant(tmp_path, model, inputs):
+    path = write(tmp_path, "  - {log: a.mcap}\n")
+    path.write_text(path.read_text().replace("inputs: [current_command]\n", ""))
+    (tmp_path / "model.yaml").write_text(f"model: {model}\ncalibrate: []\n")
+    assert load_dataset(path).inputs == inputs

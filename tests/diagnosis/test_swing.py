@@ -160,9 +160,7 @@ def test_a_supply_that_others_draw_from_is_named(model, tmp_path: Path, wave: st
         (tmp_path / f"run_{number}.csv").write_text(text + "\n")
         rows.append(f"  - {{log: run_{number}.csv, use: {'holdout' if number == 2 else 'train'}}}")
     (tmp_path / "plant.yaml").write_text(PLANT)
-    (tmp_path / "dataset.yaml").write_text(
-        "model: plant.yaml\ninputs: [push_force]\nruns:\n" + "\n".join(rows) + "\n"
-    )
+    (tmp_path / "dataset.yaml").write_text("model: plant.yaml\nruns:\n" + "\n".join(rows) + "\n")
     found = diagnose(tmp_path / "dataset.yaml", tmp_path / "out")
     assert [effect.id for effect in found.effects] == ["supply_sag"]
     assert found.effects[0].parameters["frequency"].value == pytest.approx(0.66, rel=0.01)

@@ -103,7 +103,8 @@ class DatasetFile(StrictModel):
         Field(
             default_factory=lambda: ["current_command"],
             min_length=1,
-            description="measured signals that drive the model; also states",
+            description="measured signals that drive the model; also states. Where it is left out, "
+            "current_command, the plant's own command, or all inputs of one without any",
         ),
     ]
     runs: Annotated[list[RunEntry], Field(min_length=1)]
@@ -291,7 +292,11 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
         raise InputError(
             "no run is for training", where=place("runs"), hint="give at least one `use: train`"
         )
-    return Dataset(model, tuple(file.inputs), tuple(runs), str(path), place("inputs"), (*computed,))
+    inputs = tuple(file.inputs)
+    if "inputs" not in file.model_fields_set and not {*inputs} & {*model.plant.inputs}:
+        driving = tuple(item for item in model.plant.inputs if item != "oil_temperature")
+        inputs = (model.plant.command,) if model.plant.command else driving or inputs
+    return Dataset(model, inputs, tuple(runs), str(path), place("inputs"), (*computed,))
 
 
 @dataclass(frozen=True)
