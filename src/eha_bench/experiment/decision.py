@@ -33,11 +33,10 @@ DISTINGUISHED = 12.0
 """Fall of the cost by which a diagnosis distinguishes a candidate from another."""
 NAMED = 1.5 * DISTINGUISHED
 """The same that is asked for here: the diagnosis' windows and loss keep less than is foreseen."""
-SURE = 3.1
-"""What that gain has to be in standard deviations of its sum over resampled blocks: what a
-diagnosis asks for to add a cause (p of 0.001), which a gain in few blocks never reaches. Between
-causes that it has found it asks for 2.05; a machine is none of its rivals exactly, though, and what
-was foreseen by that rule came true less often."""
+SURE = 2.6
+"""What that gain has to be in standard deviations of its sum over resampled blocks, which a gain in
+few blocks never reaches: a diagnosis asks for 2.05 between causes that it has found (p of 0.02), and
+for 3.1 to add one; a machine is none of its rivals exactly, so that less than foreseen is left."""
 BLOCK = 0.1
 """Length of a block, s."""
 NOISES = 24
@@ -45,7 +44,7 @@ NOISES = 24
 _SUFFICES = 38.0
 """Distance at which the right rival is named in 95 of 100: the gain is about normal with mean D and
 variance 4 D, and has to reach `NAMED`."""
-_SPREAD = 3.5
+_SPREAD = 3.0
 """What its sum over blocks is to be on average, in standard deviations, so that it is `SURE`."""
 _HALF = 0.5
 """Half of a difference that takes a slope, in standard deviations of the posterior."""
