@@ -16,6 +16,7 @@ from known_search import LinearProblem, add, assumed, model, search_of, shape, s
 
 from eha_bench.diagnosis.fit.candidates import effect_starts
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
+from eha_bench.diagnosis.search.exchange import compared
 from eha_bench.diagnosis.search.forms import forms_of, held_keys, take_best_form
 from eha_bench.diagnosis.search.state import Accepted
 from eha_bench.plants.network.file import load_plant
@@ -52,6 +53,17 @@ def test_the_form_that_fits_takes_what_is_left() -> None:
     assert RATIO in item.start.keys
     # the whole of it is credited to the one effect
     assert item.comparison.share > 0.95
+
+
+def test_the_gain_of_a_form_is_that_over_the_calibrated_model() -> None:
+    """Without the effect a calibrated parameter takes most of what it does."""
+    slopes = {"viscous_friction": 0.1 * shape(0.0), FORCE: 20.0 * (shape(0.0) + 0.2 * shape(1.0))}
+    search = search_of(LinearProblem(slopes, {FORCE: 7.0}), "viscous_friction")
+    add(search, EFFECT)
+    (item,) = search.accepted
+    found = compared(search, item, search.fit)
+    assert found.gain == pytest.approx(search.base.cost - search.fit.cost, rel=0.05)
+    assert 0.9 < found.share_out < 1.2
 
 
 @pytest.mark.parametrize("ratio", [None, 2.0])

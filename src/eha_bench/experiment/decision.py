@@ -35,8 +35,8 @@ NAMED = 1.5 * DISTINGUISHED
 """The same that is asked for here: the diagnosis' windows and loss keep less than is foreseen."""
 SURE = 2.6
 """What that gain has to be in standard deviations of its sum over resampled blocks, which a gain in
-few blocks never reaches: a diagnosis asks for 2.05 between causes that it has found (p of 0.02), and
-for 3.1 to add one; a machine is none of its rivals exactly, so that less than foreseen is left."""
+few blocks never reaches: a diagnosis asks for 2.05 between causes that it has found (p of 0.02),
+and for 3.1 to add one; a machine is none of its rivals exactly, so less is left than foreseen."""
 BLOCK = 0.1
 """Length of a block, s."""
 NOISES = 24

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.evidence import Improvement, compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.equivalent import is_as_good
@@ -42,9 +42,7 @@ def exchange(search: Search) -> bool:
         least = search.thresholds.least_gain(search.excess_left)
         if best is None or best.fit.cost > search.fit.cost - least:
             continue
-        found = compare(
-            fit_with_item_off(search, item), best.fit, search.groups, search.excess_base.total
-        )
+        found = compared(search, item, best.fit)
         equal = tuple(name for name in item.equivalent if name != best.candidate)
         old = item.start.candidate
         if old != best.candidate and is_as_good(search, search.fit, best.fit, found.gain):
@@ -100,6 +98,20 @@ def _best(
         return min(done, key=lambda trial: trial.fit.cost, default=None)
     finally:
         search.restore(kept)
+
+
+def compared(search: Search, item: Accepted, fit: Fit) -> Improvement:
+    """Return what another fit of an item gains over the model without it.
+
+    Where it is the only one, that is the calibrated model; the present parameters were fitted with
+    it, and without it they are nowhere.
+    """
+    if len(search.accepted) == 1:
+        base = search.base
+        before = levenberg_marquardt(search.problem, base.vector, base.free, iterations=0)
+    else:
+        before = fit_with_item_off(search, item)
+    return compare(before, fit, search.groups, search.excess_base.total)
 
 
 def fit_with_item_off(search: Search, item: Accepted) -> Fit:

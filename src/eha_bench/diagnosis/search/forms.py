@@ -11,11 +11,11 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start, effect_starts
-from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.evidence import excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
-from eha_bench.diagnosis.search.exchange import fit_with_item_off
+from eha_bench.diagnosis.search.exchange import compared, fit_with_item_off
 from eha_bench.diagnosis.search.refit import free_of, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.search.swing import is_swing, with_periods
@@ -77,7 +77,7 @@ def take_best_form(search: Search) -> bool:
     start, fit = min(done, key=lambda trial: trial[1].cost)
     if fit.cost > search.fit.cost - search.thresholds.least_gain(search.excess_left):
         return False
-    found = compare(fit_with_item_off(search, item), fit, search.groups, search.excess_base.total)
+    found = compared(search, item, fit)
     search.fit = fit
     # what had fitted as well as the other form does not fit as well as this one
     search.accepted = [*kept[:-1], replace(item, start=start, comparison=found, equivalent=())]
