@@ -5,7 +5,7 @@ Under the rival q a recording is y = f_q(theta) + noise, theta of its posterior.
 theta_c the model is linear in standard coordinates z of that posterior, so the least cost that a
 refit reaches is min over d of |y - f_q(theta_c) - J_q d|^2 + |z_c + d|^2, which is solved for; the
 best of several centres counts (a Gauss-Newton step from each). A diagnosis names the rival whose
-cost lies at least `NAMED` below that of every other, the likelihood ratio that it asks of
+cost lies so far below that of every other as a `Rule` says, the likelihood ratio that it asks of
 candidates, and where resampling blocks of `BLOCK` bears that out: a gain in a single instant does
 not. Truths are drawn from each rival's posterior and simulated without linearisation, noise
 is drawn; how often the right rival is named, and how often a wrong one, is counted.
@@ -31,21 +31,36 @@ from eha_bench.experiment.response import Bench
 
 DISTINGUISHED = 12.0
 """Fall of the cost by which a diagnosis distinguishes a candidate from another."""
-NAMED = 1.5 * DISTINGUISHED
-"""The same that is asked for here: the diagnosis' windows and loss keep less than is foreseen."""
-SURE = 2.6
-"""What that gain has to be in standard deviations of its sum over resampled blocks, which a gain in
-few blocks never reaches: a diagnosis asks for 2.05 between causes that it has found (p of 0.02),
-and for 3.1 to add one; a machine is none of its rivals exactly, so less is left than foreseen."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """When the best of several rivals is named.
+
+    Attributes:
+        gain: least fall of the cost that it has over every other. deviations: least size of that in
+            standard deviations of its sum over resampled blocks, which a gain in few blocks never
+            reaches.
+    """
+
+    gain: float
+    deviations: float
+
+
+OWN = Rule(DISTINGUISHED, 2.05)
+"""A diagnosis' own, between causes that it has found: a probability of 0.02 by resampling."""
+PLANNED = Rule(1.5 * DISTINGUISHED, 2.6)
+"""What an experiment is planned for: a machine is none of its rivals exactly, and the diagnosis'
+windows and loss keep less than is foreseen."""
 BLOCK = 0.1
 """Length of a block, s."""
 NOISES = 24
 """Draws of noise for each draw of parameters."""
 _SUFFICES = 38.0
 """Distance at which the right rival is named in 95 of 100: the gain is about normal with mean D and
-variance 4 D, and has to reach `NAMED`."""
+variance 4 D, and has to reach what is asked."""
 _SPREAD = 3.0
-"""What its sum over blocks is to be on average, in standard deviations, so that it is `SURE`."""
+"""What its sum over blocks is to be on average, in standard deviations, so that it is sure."""
 _HALF = 0.5
 """Half of a difference that takes a slope, in standard deviations of the posterior."""
 
@@ -229,13 +244,16 @@ def least_costs(layout: DrawRows, gram: FloatArray, rival: int) -> FloatArray:
     return np.asarray(costs.min(axis=2))
 
 
-def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]:
+def odds(
+    layout: DrawRows, grams: FloatArray, before: float, rule: Rule = PLANNED
+) -> tuple[Odds, ...]:
     """Return how surely a diagnosis will name the right rival, after each block.
 
     Args:
         layout: of the rows.
         grams: inner products up to the end of each block, (blocks, rows, rows).
         before: length of the recordings that there are already, which rivals fit equally well, s.
+        rule: by which the right one is named.
     """
     count, blocks = len(layout.sizes), len(grams)
     total = before / BLOCK + np.arange(1, blocks + 1)
@@ -256,8 +274,8 @@ def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]
             gains = np.diff(costs[: block + 1] - own, axis=0, prepend=0.0)
             whole = costs[block] - own[-1]
             variance = np.sum(gains**2, axis=0) - whole**2 / total[block]
-            sure = whole >= SURE * np.sqrt(np.maximum(variance, 1e-300))
-            enough = (whole >= NAMED) & sure
+            sure = whole >= rule.deviations * np.sqrt(np.maximum(variance, 1e-300))
+            enough = (whole >= rule.gain) & sure
             # forms of one cause need not be distinguished
             enough |= of_cause[:, None] == of_cause[best[block]][None, :]
             named[block] = enough.all(axis=0)
