@@ -226,8 +226,10 @@ def _spreads(
 def _gone_before_read(measured: Measured, name: str) -> float:
     """Return how far a channel went until its first reading, by how it went on, SI."""
     column = measured.column(name)
-    read = np.flatnonzero(np.isfinite(column)) if column is not None else np.zeros(0, int)
-    if column is None or read.size < 2 or read[0] == 0:
+    if column is None or name not in measured.first or measured.first[name].tick == 0:
+        return 0.0
+    read = np.flatnonzero(np.isfinite(column))
+    if read.size < 2:
         return 0.0
     first, time = read[0], measured.time
     later = read[min(np.searchsorted(read, 2 * first), read.size - 1)]
