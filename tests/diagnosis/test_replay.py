@@ -20,6 +20,20 @@ NOISE = {"angle": 5e-3, "velocity": 2e-2}
 TIME = np.arange(4000) * 1e-3
 
 
+def read(
+    model: Model, drive: Drive, seed: int
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What goes on in a servo, and what its sensors read of it."""
+    values = model.plant.simulate(model.vector(), drive, 5e-5)
+    outputs = dict(zip(model.plant.outputs, values.T, strict=True))
+    generator = np.random.default_rng(seed)
+    columns = {
+        name: outputs[name] + size * generator.standard_normal(TIME.size)
+        for name, size in NOISE.items()
+    }
+    return outputs, columns
+
+
 def swinging() -> tuple[Model, Recording]:
     """A pendulum on a long gear that is let go near its upper rest, and swings over for seconds."""
     model = Model(
@@ -33,13 +47,7 @@ def swinging() -> tuple[Model, Recording]:
     )
     start = {"angle": np.pi - 0.011, "velocity": 0.0}
     drive = Drive(TIME, {"duty": np.zeros(TIME.size)}, start)
-    values = model.plant.simulate(model.vector(), drive, 5e-5)
-    outputs = dict(zip(model.plant.outputs, values.T, strict=True))
-    generator = np.random.default_rng(2)
-    columns = {
-        name: outputs[name] + size * generator.standard_normal(TIME.size)
-        for name, size in NOISE.items()
-    }
+    outputs, columns = read(model, drive, 2)
     # the first sample is off by two standard deviations: the pendulum would fall much earlier
     columns["angle"][0] = outputs["angle"][0] - 2.0 * NOISE["angle"]
     columns["velocity"][0] = outputs["velocity"][0] - 1.5 * NOISE["velocity"]
@@ -60,14 +68,7 @@ def braking(lost: str) -> tuple[Model, list[Measured]]:
     """A servo that brakes from full speed as the log begins; one's first readings are lost."""
     model = Model("geared_servo", {"pendulum.mass": 0.0, "gear_friction.viscous": 0.5})
     start = {"angle": 0.3, "velocity": 8.0}
-    drive = Drive(TIME, {"duty": np.zeros(TIME.size)}, start)
-    values = model.plant.simulate(model.vector(), drive, 5e-5)
-    outputs = dict(zip(model.plant.outputs, values.T, strict=True))
-    generator = np.random.default_rng(3)
-    columns = {
-        name: outputs[name] + size * generator.standard_normal(TIME.size)
-        for name, size in NOISE.items()
-    }
+    _, columns = read(model, Drive(TIME, {"duty": np.zeros(TIME.size)}, start), 3)
     columns[lost][:20] = np.nan
     recording = Recording(TIME, {"duty": np.zeros(TIME.size), **columns})
     run = Run("one", Path("one.csv"), None, False, False, Use.TRAIN, lambda: recording)

@@ -7,8 +7,8 @@ well as an effect does, no effect is named.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,6 +56,11 @@ class Start:
             out[at] = value
         out[self.strength_at] = self.neutral + share * (self.strength - self.neutral)
         return out
+
+    def at(self, new: Mapping[int, float]) -> Start:
+        """Return the start with other settings at some places of the vector."""
+        settings = tuple((at, new.get(at, value)) for at, value in self.settings)
+        return replace(self, settings=settings)
 
     def bound_met(self, vector: FloatArray) -> float | None:
         """Return the bound that the strength stands at in a vector, SI; None where it is inside."""
@@ -105,6 +110,16 @@ def effect_starts(layout: Layout, effect: BoundEffect, *, refined: bool = False)
             seen.add(key)
             found.append(_start(layout, effect, values))
     return [start for start in found if start.strength != start.neutral]
+
+
+def one_of_each_form(layout: Layout, starts: Sequence[Start]) -> list[Start]:
+    """Return the first start of one effect for each combination of its choices."""
+    forms: dict[tuple[float, ...], Start] = {}
+    for start in starts:
+        effect, settings = layout.effect(start.candidate), dict(start.settings)
+        places = [layout.index[f"{effect.id}.{p.name}"] for p in effect.parameters if p.choices]
+        forms.setdefault(tuple(settings[at] for at in places), start)
+    return list(forms.values())
 
 
 def _start(layout: Layout, effect: BoundEffect, values: dict[str, float]) -> Start:

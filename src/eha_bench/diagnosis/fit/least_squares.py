@@ -102,6 +102,22 @@ class Fit:
         return {item.key: float(self.vector[item.at]) for item in self.free}
 
 
+def calibrated_directions(
+    fit: Fit, soft: float, least: float = 1e-6
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the softened residual, its weights, both (N,), and what parameters can do, (N, k).
+
+    Args:
+        fit: with its slopes. soft: scale of the loss. least: size of a slope, in the largest one's,
+            from which it is a direction; they are orthonormal.
+    """
+    residual, weight = soften(fit.residual, soft)
+    matrix = fit.jacobian * weight[:, None]
+    norms = np.linalg.norm(matrix, axis=0)
+    basis = np.linalg.qr(matrix[:, norms > least * norms.max(initial=1e-300)])[0]
+    return residual, weight, basis
+
+
 def free_parameters(
     layout: Layout | Places,
     keys: Sequence[str],

@@ -24,9 +24,9 @@ from scipy.linalg import block_diag
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.windows import split
-from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.least_squares import Fit
-from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.diagnosis.fit.candidates import Start, one_of_each_form
+from eha_bench.diagnosis.fit.least_squares import Fit, calibrated_directions
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import rows_of_runs
 from eha_bench.plants.layout import Layout
@@ -58,7 +58,7 @@ class Form:
 
     def at(self, count: float, phase: float) -> Start:
         """Return the small one with so many periods a revolution, at a phase in rad."""
-        return _at(self.small, self.at_count, self.at_phase, count, phase)
+        return self.small.at({self.at_count: count, self.at_phase: phase})
 
     def best(
         self, count: float, normal: FloatArray, right: FloatArray
@@ -151,10 +151,7 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
         problem: over short windows. fit: without the effect, on these windows.
         layout: of the plant. starts: the effect's own starting points.
     """
-    soft, weight = soften(fit.residual, problem.soft)
-    matrix = fit.jacobian * weight[:, None]
-    norms = np.linalg.norm(matrix, axis=0)
-    basis = np.linalg.qr(matrix[:, norms > 1e-6 * norms.max(initial=1e-300)])[0]
+    soft, weight, basis = calibrated_directions(fit, problem.soft)
     target = soft - basis @ (basis.T @ soft)
     base = problem.residual(fit.vector)
     halves = [(run, half) for run, rows in rows_of_runs(problem).items()
@@ -211,19 +208,7 @@ def best_counts(waves: Sequence[Wave]) -> list[Start]:
 
 def _forms(layout: Layout, starts: Sequence[Start]) -> list[Form]:
     """Return one form for each combination of an effect's choices."""
-    forms: dict[tuple[float, ...], Form] = {}
-    for start in starts:
-        settings = dict(start.settings)
-        effect = layout.effect(start.candidate)
-        at = {p.name: layout.index[f"{effect.id}.{p.name}"] for p in effect.parameters}
-        key = tuple(settings[at[p.name]] for p in effect.parameters if p.choices)
-        forms.setdefault(key, Form(start, at["count"], at["phase"]))
-    return list(forms.values())
-
-
-def _at(start: Start, at_count: int, at_phase: int, count: float, phase: float) -> Start:
-    settings = tuple(
-        (at, count if at == at_count else phase if at == at_phase else value)
-        for at, value in start.settings
-    )
-    return replace(start, settings=settings)
+    return [
+        Form(start, *(layout.index[f"{start.candidate}.{name}"] for name in ("count", "phase")))
+        for start in one_of_each_form(layout, starts)
+    ]

@@ -9,15 +9,15 @@ fraction of what a refit gains, but their order holds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.least_squares import Fit
-from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
+from eha_bench.diagnosis.fit.least_squares import Fit, calibrated_directions
+from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
@@ -61,11 +61,7 @@ class Screen:
         self.problem = problem
         self.fit = fit
         self._base = problem.residual(fit.vector)
-        soft, self._weight = soften(fit.residual, fit.soft)
-        weighted = fit.jacobian * self._weight[:, None]
-        norms = np.linalg.norm(weighted, axis=0)
-        keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
-        self._basis = np.linalg.qr(weighted[:, keep])[0] if keep.any() else np.zeros((soft.size, 0))
+        soft, self._weight, self._basis = calibrated_directions(fit, fit.soft, 1e-9)
         self._target = self._off(soft)
 
     def _off(self, column: FloatArray) -> FloatArray:
@@ -125,8 +121,7 @@ class Screen:
             for factor in (step, 1.0 / step):
                 while True:
                     value = dict(item.start.settings)[at] * factor
-                    settings = {**dict(item.start.settings), at: value}
-                    start = replace(item.start, settings=tuple(settings.items()))
+                    start = item.start.at({at: value})
                     vector = start.apply(self.fit.vector)
                     permitted = self.problem.places.permits(vector, start.keys)
                     if not parameter.low <= value <= parameter.high or not permitted:

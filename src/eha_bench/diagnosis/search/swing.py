@@ -23,10 +23,10 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.candidates import Start, one_of_each_form
 from eha_bench.diagnosis.fit.friction_at_rest import is_friction_at_rest
-from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.diagnosis.fit.least_squares import Fit, calibrated_directions, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.short_windows import WINDOW
 from eha_bench.diagnosis.search.periodic import in_parts
 from eha_bench.diagnosis.search.refit import free_of
@@ -40,6 +40,7 @@ _STEP = 0.1
 _FASTEST = 0.35
 """Turns during a window up to which a swing is looked for."""
 _SMALL = 0.2
+"""Share of a strength that is probed: there the change is proportional to it."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def with_periods(search: Search, starts: Sequence[Start], vector: FloatArray) ->
     free = [one for one in free_of(search, vector, ()) if not is_friction_at_rest(one.key)]
     fit = levenberg_marquardt(short, vector, free, iterations=0)
     found = [start for start in starts if not is_swing(start)]
-    for form in _forms(layout, swinging):
+    for form in one_of_each_form(layout, swinging):
         found += best_periods(short, fit, layout, form)
     return found
 
@@ -135,10 +136,7 @@ def best_periods(problem: Problem, fit: Fit, layout: Layout, start: Start) -> li
 
 
 def _sums(problem: Problem, fit: Fit, layout: Layout, start: Start) -> Sums:
-    soft, weight = soften(fit.residual, problem.soft)
-    matrix = fit.jacobian * weight[:, None]
-    norms = np.linalg.norm(matrix, axis=0)
-    basis = np.linalg.qr(matrix[:, norms > 1e-6 * norms.max(initial=1e-300)])[0]
+    soft, weight, basis = calibrated_directions(fit, problem.soft)
     base = problem.residual(fit.vector)
     small = replace(start, strength=_SMALL * start.strength)
     # a swing of no frequency is a constant, of the size that its phase says
@@ -168,18 +166,7 @@ def _sums(problem: Problem, fit: Fit, layout: Layout, start: Start) -> Sums:
     )
 
 
-def _forms(layout: Layout, starts: Sequence[Start]) -> list[Start]:
-    """Return one start for each combination of an effect's choices."""
-    forms: dict[tuple[float, ...], Start] = {}
-    for start in starts:
-        effect, settings = layout.effect(start.candidate), dict(start.settings)
-        places = [layout.index[f"{effect.id}.{p.name}"] for p in effect.parameters if p.choices]
-        forms.setdefault(tuple(settings[at] for at in places), start)
-    return list(forms.values())
-
-
 def _at(layout: Layout, start: Start, frequency: float, phase: float) -> Start:
     """Return a start at a frequency, Hz, and a phase, rad."""
-    new = {layout.index[f"{start.candidate}.frequency"]: frequency,
-           layout.index[f"{start.candidate}.phase"]: phase}  # fmt: skip
-    return replace(start, settings=tuple((at, new.get(at, value)) for at, value in start.settings))
+    places = (layout.index[f"{start.candidate}.{name}"] for name in ("frequency", "phase"))
+    return start.at(dict(zip(places, (frequency, phase), strict=True)))
