@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,7 @@ class Case:
 
     Attributes:
         others: way of planning -> what an experiment planned that way led to.
+        others_stated: way of planning -> what is stated of that experiment.
     """
 
     plant: str
@@ -66,6 +67,7 @@ class Case:
     ended: Ended
     breached: str
     others: dict[str, Ended]
+    others_stated: dict[str, float] = field(default_factory=dict)
 
     @property
     def ambiguous(self) -> bool:
@@ -86,6 +88,18 @@ class Case:
     def wrong(self) -> bool:
         """Whether one cause is named, and it is another one."""
         return self.ended.wrong(self.truth)
+
+    @property
+    def outcomes(self) -> list[tuple[float, bool]]:
+        """What was stated of each experiment that was run, and whether it led to the right name.
+
+        Stated is what happens if one of the rivals is right, so there are none of other machines.
+        """
+        if self.ending != "proposed" or not self.covered:
+            return []
+        others = [(self.others_stated[way], ended.right(self.truth))
+                  for way, ended in self.others.items() if way in self.others_stated]  # fmt: skip
+        return [(self.stated, self.right), *others]
 
     @staticmethod
     def read(path: Path) -> Case:

@@ -92,6 +92,7 @@ def run_case(
     before = after = diagnosed(dataset, folder / "before")
     ending, stated, wrong, seconds, took, breached = "", np.nan, np.nan, 0.0, 0.0, ""
     beside: dict[str, Ended] = {}
+    beside_stated: dict[str, float] = {}
     if len(before.causes) > 1:
         began = time.perf_counter()
         suite_file = folder / f"next{mark}.yaml"
@@ -109,15 +110,16 @@ def run_case(
             planners = OtherPlanners(folder / "before", folder / "safe.yaml", seconds, number)
             ways = {CHANCE: planners.by_chance, D_OPTIMAL: planners.d_optimal}
             for place, way in enumerate(others):
-                suite = ways[way]()
-                if suite is None:
+                other = ways[way]()
+                if other is None:
                     beside[way] = before
                     continue
-                more, _ = performed(rig, folder, suite, f"other_{place}{mark}")
+                beside_stated[way] = other.odds.right
+                more, _ = performed(rig, folder, other.suite, f"other_{place}{mark}")
                 beside[way] = diagnosed(more, folder / f"after_{place}{mark}")
     done = Case(
         plant, Truth(rig.truth, rig.variables), number, before, ending, float(stated),
-        float(wrong), seconds, rig.first_seconds, took, after, breached, beside,
+        float(wrong), seconds, rig.first_seconds, took, after, breached, beside, beside_stated,
     )  # fmt: skip
     kept.write_text(json.dumps(asdict(done)))
     return done
@@ -128,6 +130,7 @@ def table(cases: Sequence[Case]) -> tuple[dict[str, Any], list[str]]:
     ambiguous = [case for case in cases if case.ambiguous]
     ran = [case for case in ambiguous if case.ending == "proposed"]
     count = max(1, len(ran))
+    outcomes = [outcome for case in ran for outcome in case.outcomes]
     figures: dict[str, Any] = {
         "cases": len(cases),
         "ambiguous": len(ambiguous),
@@ -143,10 +146,11 @@ def table(cases: Sequence[Case]) -> tuple[dict[str, Any], list[str]]:
         "bench seconds, median": float(np.median([c.bench_seconds for c in ran])) if ran else None,
         "planned in, s, median": float(np.median([c.planned_in for c in ran])) if ran else None,
         "stated and happened": [
-            {"from": low / 10, "cases": len(own), "stated": float(np.mean([c.stated for c in own])),
-             "happened": sum(c.right for c in own) / len(own)}
+            {"from": low / 10, "experiments": len(own),
+             "stated": float(np.mean([stated for stated, _ in own])),
+             "happened": sum(right for _, right in own) / len(own)}
             for low in range(10)
-            if (own := [c for c in ran if c.covered and low <= min(9.99, 10 * c.stated) < low + 1])
+            if (own := [pair for pair in outcomes if low <= min(9.99, 10 * pair[0]) < low + 1])
         ],
     }  # fmt: skip
     for way in sorted({way for case in ran for way in case.others}):

@@ -1,11 +1,14 @@
 """Experiments planned in other ways, for comparison: by chance, and by D-optimality.
 
 Both are permitted as the proposal is: the same safety file, setups and signals, every extreme
-simulated over the rivals' posteriors, and the same bench time.
+simulated over the rivals' posteriors, and the same bench time. What a proposal states of itself is
+stated of them too: they decide less surely, so that stated and happened can be compared down to
+probabilities that no proposal would have.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +20,21 @@ from eha_bench.experiment.candidates import (
     neighbour_of,
     unit_of_level,
 )
-from eha_bench.experiment.decision import inner_products, layout_of
+from eha_bench.experiment.decision import BLOCK, OWN, Odds, inner_products, layout_of, odds
 from eha_bench.experiment.hypothesis import read_question, rivals_to_separate
 from eha_bench.experiment.permitted import mode_of, permitted_ranges
 from eha_bench.experiment.response import Bench, largest, respond
 from eha_bench.suites import Suite, load_suite
 
-_DRAWS = 12
+_DRAWS, _FRESH = 12, 24
+
+
+@dataclass(frozen=True)
+class OtherExperiment:
+    """An experiment that was planned in another way, and how surely it decides."""
+
+    suite: Suite
+    odds: Odds
 
 
 class OtherPlanners:
@@ -37,6 +48,7 @@ class OtherPlanners:
     def __init__(self, diagnosis: Path, safety: Path, seconds: float, seed: int) -> None:
         question = read_question(diagnosis)
         self.rivals = rivals_to_separate(question.rivals)
+        self.before = question.covered.seconds
         plant = self.rivals[0].model.plant
         self.plant = plant
         self.bench = Bench.of(question.covered, plant.outputs, plant.command)
@@ -52,7 +64,7 @@ class OtherPlanners:
         self.seconds = seconds
         self.rng = np.random.default_rng([seed, 9])
 
-    def by_chance(self) -> Suite | None:
+    def by_chance(self) -> OtherExperiment | None:
         """Return a permitted experiment drawn at random; None where none of many is permitted."""
         every = list(candidates(self.plan, self.seconds))
         for _ in range(40):
@@ -60,10 +72,10 @@ class OtherPlanners:
             drawn = neighbour_of(drawn, self.rng, self.plan).lasting(self.seconds)
             safe = self._largest(drawn)
             if safe is not None:
-                return self._suite(safe.at_size(safe.size * float(self.rng.uniform(0.3, 1.0))))
+                return self._stated(safe.at_size(safe.size * float(self.rng.uniform(0.3, 1.0))))
         return None
 
-    def d_optimal(self) -> Suite | None:
+    def d_optimal(self) -> OtherExperiment | None:
         """Return the experiment with the largest determinant of the information.
 
         The information is that of the parameters of the model that fits best, its effects' among
@@ -87,7 +99,7 @@ class OtherPlanners:
             value = float(np.linalg.slogdet(information)[1])
             if np.isfinite(value) and (best is None or value > best[0]):
                 best = value, safe
-        return None if best is None else self._suite(best[1])
+        return None if best is None else self._stated(best[1])
 
     def _largest(self, item: Experiment) -> Experiment | None:
         """Return it at the largest size that keeps every limit over the posteriors."""
@@ -95,5 +107,14 @@ class OtherPlanners:
         limits = self.permitted.limits[item.setup]
         return largest(self.rivals, draws, item, self.plan, self.bench, limits)
 
-    def _suite(self, item: Experiment) -> Suite:
-        return load_suite(self.plan.suite([item], ["part_1"]))
+    def _stated(self, item: Experiment) -> OtherExperiment:
+        """Return it with its odds over draws of its own, by the diagnosis' own rule."""
+        layout = layout_of(self.rivals, _FRESH, np.random.default_rng(6))
+        trial = self.plan.trials([item], ["t"])[0]
+        found = respond(self.rivals, layout.points, trial, self.bench, {})
+        count, block = round(self.seconds * self.bench.rate), round(BLOCK * self.bench.rate)
+        ticks = [*range(block, count, block), count]
+        outputs = self.plant.outputs
+        grams = inner_products(layout, found.outputs, outputs, self.bench, ticks, [1])
+        own = odds(layout, grams, self.before, OWN)[-1]
+        return OtherExperiment(load_suite(self.plan.suite([item], ["part_1"])), own)

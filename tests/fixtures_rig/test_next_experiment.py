@@ -26,11 +26,12 @@ def case(
     before: tuple[str, ...] = BOTH,
     breached: str = "",
     others: dict[str, Ended] | None = None,
+    others_stated: dict[str, float] | None = None,
 ) -> Case:
     ending = "proposed" if len(before) > 1 else ""
     return Case(
         "servo", LAG, 0, Ended("effect", before), ending, stated, 0.0, 2.0, 14.0, 5.0,
-        Ended(verdict, causes), breached, others or {},
+        Ended(verdict, causes), breached, others or {}, others_stated or {},
     )  # fmt: skip
 
 
@@ -52,7 +53,7 @@ def test_a_curve_of_what_the_hidden_effect_follows_is_right_and_no_other():
 def test_figures_are_of_proposals_only():
     by_chance = {"by chance": Ended("effect", BOTH)}
     cases = [
-        case("current_lag", others=by_chance),
+        case("current_lag", others=by_chance, others_stated={"by chance": 0.22}),
         case("command_delay", stated=0.91),
         case(*BOTH, stated=0.55, breached="angle in part_1"),
         case("current_lag", before=("current_lag",)),
@@ -66,9 +67,11 @@ def test_figures_are_of_proposals_only():
     assert figures["hidden cause among the rivals"] == 3
     assert figures["right single name, of these"] == pytest.approx(1 / 3)
     bins = {item["from"]: item for item in figures["stated and happened"]}
-    assert bins[0.9]["cases"] == 2
+    assert bins[0.9]["experiments"] == 2
     assert bins[0.9]["happened"] == 0.5
     assert bins[0.5]["happened"] == 0.0
+    # experiments planned in other ways count as well
+    assert (bins[0.2]["stated"], bins[0.2]["happened"]) == (0.22, 0.0)
     assert figures["by chance"] == {
         "cases": 1, "right single name": 0.0, "wrong name": 0.0, "the proposals of these": 1.0,
     }  # fmt: skip
@@ -84,7 +87,8 @@ def test_figures_are_of_proposals_only():
 
 
 def test_a_kept_case_is_read_as_it_was(tmp_path: Path):
-    one = case("current_lag", others={"by chance": Ended("effect", BOTH)})
+    by_chance = {"by chance": Ended("effect", BOTH)}
+    one = case("current_lag", others=by_chance, others_stated={"by chance": 0.3})
     file = tmp_path / "case.json"
     file.write_text(json.dumps(asdict(one)))
     assert Case.read(file) == one

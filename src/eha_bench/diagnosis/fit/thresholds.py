@@ -25,7 +25,7 @@ QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
         "gain", "share", "first", "much", "p_value", "p_few", "plain", "nearly_all",
         "runs_better", "p_clear", "worth", "together",
     ),
-    "Is another one as good?": ("behind", "behind_share", "chance"),
+    "Is another one as good?": ("behind", "behind_share", "chance", "white"),
     "Does an effect stand in the end?": ("loose", "little", "likely", "clear", "worse"),
     "Which verdict?": ("explained", "beaten", "nothing", "follows"),
     "Do held-out runs agree?": ("windows", "replays"),
@@ -131,6 +131,12 @@ class Thresholds:
         0.02,
         "probability from which resampling takes what it is behind by for chance",
         "chosen on blind rigs",
+    )
+    white: float = _threshold(
+        4.0,
+        "structure in time, in standard deviations, up to which whole runs decide between causes",
+        "half of `structure`: forms that are off leave more, and their gains are no likelihood "
+        "ratio",
     )
     loose: float = _threshold(
         5.0,

@@ -77,7 +77,7 @@ def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[
 def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[Rival]:
     """Yield what could stand in the place of an effect that was added."""
     name = item.start.candidate
-    look = next((look for look in search.looks if any(t.candidate == name for t in look)), [])
+    look = search.look_of(item)
     own = next((trial for trial in look if trial.candidate == name), None)
     model = found.revised
     others = [other for other in search.effects if other is not item]

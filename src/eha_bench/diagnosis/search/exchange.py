@@ -57,10 +57,7 @@ def exchange(search: Search) -> bool:
 
 def _rivals(search: Search, item: Accepted) -> list[Start]:
     """Return starts of the closest rivals of the look in which an item was added, and its own."""
-    trials = next(
-        (look for look in search.looks if any(t.candidate == item.start.candidate for t in look)),
-        [],
-    )
+    trials = search.look_of(item)
     gain = max((trial.comparison.gain for trial in trials), default=0.0)
     taken = {other.start.candidate for other in search.accepted}
     names = [

@@ -123,6 +123,11 @@ class Search:
                 out[places.index[key]] = self.declared_vector[places.index[key]]
         return out
 
+    def look_of(self, item: Accepted) -> list[Refit]:
+        """Return the look in which something was added, the best first; [] where none is kept."""
+        name = item.start.candidate
+        return next((look for look in self.looks if any(t.candidate == name for t in look)), [])
+
     @property
     def is_unexplained(self) -> bool:
         """Whether what is left holds more than noise and what a nearly right model leaves."""

@@ -14,6 +14,7 @@ from eha_bench.diagnosis.search.look import is_worth_a_look, look
 from eha_bench.diagnosis.search.refit import is_bent
 from eha_bench.diagnosis.search.settle import rebase, settle
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search
+from eha_bench.diagnosis.search.whole_runs import compare_over_whole_runs
 
 MOST_EFFECTS = 4
 _NEARLY = 0.1
@@ -47,6 +48,7 @@ def run(search: Search, progress: ProgressHook) -> None:
             if search.excess_left.relative > kept.excess_left.relative:
                 search.restore(kept)
     release(search)
+    compare_over_whole_runs(search)
     progress("search", 1.0)
 
 
