@@ -20,7 +20,7 @@ from eha_bench.experiment.candidates import (
     neighbour_of,
     unit_of_level,
 )
-from eha_bench.experiment.decision import BLOCK, OWN, Odds, inner_products, layout_of, odds
+from eha_bench.experiment.decision import BLOCK, Odds, inner_products, layout_of, odds
 from eha_bench.experiment.hypothesis import read_question, rivals_to_separate
 from eha_bench.experiment.permitted import mode_of, permitted_ranges
 from eha_bench.experiment.response import Bench, largest, respond
@@ -116,5 +116,5 @@ class OtherPlanners:
         ticks = [*range(block, count, block), count]
         outputs = self.plant.outputs
         grams = inner_products(layout, found.outputs, outputs, self.bench, ticks, [1])
-        own = odds(layout, grams, self.before, OWN)[-1]
+        own = odds(layout, grams, self.before)[-1]
         return OtherExperiment(load_suite(self.plan.suite([item], ["part_1"])), own)

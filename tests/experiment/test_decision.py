@@ -9,8 +9,8 @@ import pytest
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.decision import (
+    DISTINGUISHED,
     NOISES,
-    PLANNED,
     DrawRows,
     distances,
     least_costs,
@@ -87,7 +87,8 @@ def test_a_known_distance_gives_the_probability_of_normal_gains(distance: float)
     gains = d + 2.0 * np.sqrt(d) * rng.standard_normal((20_000, blocks))
     whole = gains.sum(axis=1)
     expected = np.mean(
-        (whole >= PLANNED.gain) & (whole >= PLANNED.deviations * np.sqrt((gains**2).sum(axis=1)))
+        # a probability of 0.02 by resampling is 2.05 standard deviations
+        (whole >= DISTINGUISHED) & (whole >= 2.054 * np.sqrt((gains**2).sum(axis=1)))
     )
     scatter = np.sqrt(expected * (1.0 - expected) / (8 * NOISES)) + 0.01
     assert np.mean(right) == pytest.approx(expected, abs=3.5 * scatter)

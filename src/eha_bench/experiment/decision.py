@@ -5,10 +5,11 @@ Under the rival q a recording is y = f_q(theta) + noise, theta of its posterior.
 theta_c the model is linear in standard coordinates z of that posterior, so the least cost that a
 refit reaches is min over d of |y - f_q(theta_c) - J_q d|^2 + |z_c + d|^2, which is solved for; the
 best of several centres counts (a Gauss-Newton step from each). A diagnosis names the rival whose
-cost lies so far below that of every other as a `Rule` says, the likelihood ratio that it asks of
-candidates, and where resampling blocks of `BLOCK` bears that out: a gain in a single instant does
-not. Truths are drawn from each rival's posterior and simulated without linearisation, noise
-is drawn; how often the right rival is named, and how often a wrong one, is counted.
+cost lies so far below that of every other as its thresholds `behind` and `chance` say: by that
+likelihood ratio, and borne out where blocks of `BLOCK` are resampled, which a gain in a single
+instant is not (`diagnosis.search.whole_runs`). Truths are drawn from each rival's posterior and
+simulated without linearisation, noise is drawn; how often the right rival is named, and how often a
+wrong one, is counted.
 
 For the search itself the distance of Buzzi-Ferraris and Forzatti serves (Chem. Eng. Sci. 38 (1983)
 225, doi:10.1016/0009-2509(83)85004-0): the squared difference of two predictions in units of what
@@ -24,39 +25,22 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy.special import ndtri
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.response import Bench
 
-DISTINGUISHED = 12.0
+DISTINGUISHED = DEFAULT.behind
 """Fall of the cost by which a diagnosis distinguishes a candidate from another."""
-
-
-@dataclass(frozen=True)
-class Rule:
-    """When the best of several rivals is named.
-
-    Attributes:
-        gain: least fall of the cost that it has over every other. deviations: least size of that in
-            standard deviations of its sum over resampled blocks, which a gain in few blocks never
-            reaches.
-    """
-
-    gain: float
-    deviations: float
-
-
-OWN = Rule(DISTINGUISHED, 2.05)
-"""A diagnosis' own, between causes that it has found: a probability of 0.02 by resampling."""
-PLANNED = Rule(1.5 * DISTINGUISHED, 2.6)
-"""What an experiment is planned for: a machine is none of its rivals exactly, and the diagnosis'
-windows and loss keep less than is foreseen."""
+_DEVIATIONS = float(-ndtri(DEFAULT.chance))
+"""Least size of that in standard deviations of its sum over resampled blocks."""
 BLOCK = 0.1
 """Length of a block, s."""
 NOISES = 24
 """Draws of noise for each draw of parameters."""
-_SUFFICES = 38.0
+_SUFFICES = 30.0
 """Distance at which the right rival is named in 95 of 100: the gain is about normal with mean D and
 variance 4 D, and has to reach what is asked."""
 _SPREAD = 3.0
@@ -244,16 +228,13 @@ def least_costs(layout: DrawRows, gram: FloatArray, rival: int) -> FloatArray:
     return np.asarray(costs.min(axis=2))
 
 
-def odds(
-    layout: DrawRows, grams: FloatArray, before: float, rule: Rule = PLANNED
-) -> tuple[Odds, ...]:
+def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]:
     """Return how surely a diagnosis will name the right rival, after each block.
 
     Args:
         layout: of the rows.
         grams: inner products up to the end of each block, (blocks, rows, rows).
         before: length of the recordings that there are already, which rivals fit equally well, s.
-        rule: by which the right one is named.
     """
     count, blocks = len(layout.sizes), len(grams)
     total = before / BLOCK + np.arange(1, blocks + 1)
@@ -274,8 +255,8 @@ def odds(
             gains = np.diff(costs[: block + 1] - own, axis=0, prepend=0.0)
             whole = costs[block] - own[-1]
             variance = np.sum(gains**2, axis=0) - whole**2 / total[block]
-            sure = whole >= rule.deviations * np.sqrt(np.maximum(variance, 1e-300))
-            enough = (whole >= rule.gain) & sure
+            sure = whole >= _DEVIATIONS * np.sqrt(np.maximum(variance, 1e-300))
+            enough = (whole >= DISTINGUISHED) & sure
             # forms of one cause need not be distinguished
             enough |= of_cause[:, None] == of_cause[best[block]][None, :]
             named[block] = enough.all(axis=0)

@@ -37,7 +37,6 @@ from eha_bench.experiment.candidates import (
 from eha_bench.experiment.decision import (
     BLOCK,
     DISTINGUISHED,
-    OWN,
     DrawRows,
     Odds,
     inner_products,
@@ -497,7 +496,7 @@ class _ExperimentSearch:
         widths = self._widths(layout, grams[-1])
         found = None
         if len(self.causes) > 1:
-            found = odds(layout, grams, self._before, OWN)[-1]
+            found = odds(layout, grams, self._before)[-1]
         proposal = Proposal(
             ProposalEnding.PROPOSED,
             "",
