@@ -25,6 +25,8 @@ from eha_bench.diagnosis.search.state import Accepted, Search, starts_of
 _UNCUT = float("inf")
 _ITERATIONS = 8
 _RIVALS = 3
+_LITTLE_MORE = 1.1
+"""Cost over that of the effect up to which a rival may only have been caught over windows."""
 
 
 @dataclass(frozen=True)
@@ -105,16 +107,18 @@ def _is_behind(within: Search, other: Fit, best: Fit) -> bool:
 
 
 def _names(search: Search, item: Accepted) -> list[str]:
-    """Return an effect and its rivals: equivalents, and those that gained nearly as much."""
+    """Return an effect and its rivals: equivalents, and those that left little more."""
     look = search.look_of(item)
-    gain = max((trial.comparison.gain for trial in look), default=0.0)
+    own = next((trial for trial in look if trial.candidate == item.start.candidate), None)
     taken = {other.start.candidate for other in search.accepted}
     close = [
         trial.candidate
         for trial in look
-        if trial.candidate not in taken
+        if own is not None
+        and trial.candidate not in taken
         and not trial.start.is_parameter
-        and trial.comparison.gain > CLOSE * gain
+        and trial.comparison.gain > CLOSE * own.comparison.gain
+        and trial.fit.cost < _LITTLE_MORE * own.fit.cost
     ]
     return [*dict.fromkeys([item.start.candidate, *item.equivalent, *close[:_RIVALS]])]
 
