@@ -20,7 +20,7 @@ from eha_bench.experiment.candidates import (
     neighbour_of,
     unit_of_level,
 )
-from eha_bench.experiment.decision import BLOCK, Odds, inner_products, layout_of, odds
+from eha_bench.experiment.decision import Odds, inner_products, layout_of, odds
 from eha_bench.experiment.hypothesis import read_question, rivals_to_separate
 from eha_bench.experiment.permitted import mode_of, permitted_ranges
 from eha_bench.experiment.response import Bench, largest, respond
@@ -48,7 +48,6 @@ class OtherPlanners:
     def __init__(self, diagnosis: Path, safety: Path, seconds: float, seed: int) -> None:
         question = read_question(diagnosis)
         self.rivals = rivals_to_separate(question.rivals)
-        self.before = question.covered.seconds
         plant = self.rivals[0].model.plant
         self.plant = plant
         self.bench = Bench.of(question.covered, plant.outputs, plant.command)
@@ -108,13 +107,12 @@ class OtherPlanners:
         return largest(self.rivals, draws, item, self.plan, self.bench, limits)
 
     def _stated(self, item: Experiment) -> OtherExperiment:
-        """Return it with its odds over draws of its own, by the diagnosis' own rule."""
+        """Return it with its odds over draws of its own."""
         layout = layout_of(self.rivals, _FRESH, np.random.default_rng(6))
         trial = self.plan.trials([item], ["t"])[0]
         found = respond(self.rivals, layout.points, trial, self.bench, {})
-        count, block = round(self.seconds * self.bench.rate), round(BLOCK * self.bench.rate)
-        ticks = [*range(block, count, block), count]
-        outputs = self.plant.outputs
+        outputs, ticks = self.plant.outputs, [round(self.seconds * self.bench.rate)]
         grams = inner_products(layout, found.outputs, outputs, self.bench, ticks, [1])
-        own = odds(layout, grams, self.before)[-1]
-        return OtherExperiment(load_suite(self.plan.suite([item], ["part_1"])), own)
+        return OtherExperiment(
+            load_suite(self.plan.suite([item], ["part_1"])), odds(layout, grams)[0]
+        )

@@ -5,11 +5,9 @@ Under the rival q a recording is y = f_q(theta) + noise, theta of its posterior.
 theta_c the model is linear in standard coordinates z of that posterior, so the least cost that a
 refit reaches is min over d of |y - f_q(theta_c) - J_q d|^2 + |z_c + d|^2, which is solved for; the
 best of several centres counts (a Gauss-Newton step from each). A diagnosis names the rival whose
-cost lies so far below that of every other as its thresholds `behind` and `chance` say: by that
-likelihood ratio, and borne out where blocks of `BLOCK` are resampled, which a gain in a single
-instant is not (`diagnosis.search.whole_runs`). Truths are drawn from each rival's posterior and
-simulated without linearisation, noise is drawn; how often the right rival is named, and how often a
-wrong one, is counted.
+cost lies below that of every other by its threshold `behind`, a likelihood ratio. Truths are drawn
+from each rival's posterior and simulated without linearisation, noise is drawn; how often the right
+rival is named, and how often a wrong one, is counted.
 
 For the search itself the distance of Buzzi-Ferraris and Forzatti serves (Chem. Eng. Sci. 38 (1983)
 225, doi:10.1016/0009-2509(83)85004-0): the squared difference of two predictions in units of what
@@ -25,7 +23,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.special import ndtri
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
@@ -34,8 +31,6 @@ from eha_bench.experiment.response import Bench
 
 DISTINGUISHED = DEFAULT.behind
 """Fall of the cost by which a diagnosis distinguishes a candidate from another."""
-_DEVIATIONS = float(-ndtri(DEFAULT.chance))
-"""Least size of that in standard deviations of its sum over resampled blocks."""
 BLOCK = 0.1
 """Length of a block, s."""
 NOISES = 24
@@ -228,16 +223,14 @@ def least_costs(layout: DrawRows, gram: FloatArray, rival: int) -> FloatArray:
     return np.asarray(costs.min(axis=2))
 
 
-def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]:
+def odds(layout: DrawRows, grams: FloatArray) -> tuple[Odds, ...]:
     """Return how surely a diagnosis will name the right rival, after each block.
 
     Args:
         layout: of the rows.
         grams: inner products up to the end of each block, (blocks, rows, rows).
-        before: length of the recordings that there are already, which rivals fit equally well, s.
     """
     count, blocks = len(layout.sizes), len(grams)
-    total = before / BLOCK + np.arange(1, blocks + 1)
     causes = list(dict.fromkeys(layout.causes))
     of_cause = np.array([causes.index(cause) for cause in layout.causes])
     right, wrong = np.zeros((blocks, count)), np.zeros((blocks, count))
@@ -248,18 +241,10 @@ def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]
         costs = costs[:, :, 1:] if len(layout.draws[truth]) > 1 else costs
         costs = costs.reshape(blocks, count, -1)
         best = costs.argmin(axis=1)
-        named = np.ones(best.shape, dtype=np.bool_)
-        for block in range(blocks):
-            # gains of the one that is best by now over each other, block by block
-            own = np.take_along_axis(costs[: block + 1], best[None, None, block], axis=1)
-            gains = np.diff(costs[: block + 1] - own, axis=0, prepend=0.0)
-            whole = costs[block] - own[-1]
-            variance = np.sum(gains**2, axis=0) - whole**2 / total[block]
-            sure = whole >= _DEVIATIONS * np.sqrt(np.maximum(variance, 1e-300))
-            enough = (whole >= DISTINGUISHED) & sure
-            # forms of one cause need not be distinguished
-            enough |= of_cause[:, None] == of_cause[best[block]][None, :]
-            named[block] = enough.all(axis=0)
+        gains = costs - costs.min(axis=1, keepdims=True)
+        # forms of one cause need not be distinguished
+        alike = of_cause[None, :, None] == of_cause[best][:, None, :]
+        named = ((gains >= DISTINGUISHED) | alike).all(axis=1)
         is_right = of_cause[best] == of_cause[truth]
         right[:, truth] = np.mean(named & is_right, axis=1)
         wrong[:, truth] = np.mean(named & ~is_right, axis=1)

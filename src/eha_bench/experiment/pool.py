@@ -182,6 +182,6 @@ def _rank_recording(
     if len(rivals) == 1:
         worst = worst_width(rivals[0], posterior_after(rivals[0], layout, grams[-1], 0))
         return RankedRecording(run.name, seconds, np.nan, np.nan, (within / max(worst, 1e-12)) ** 2)
-    found = odds(layout, grams, question.covered.seconds)[-1]
+    found = odds(layout, grams[-1:])[0]
     reached = float(shares_of_a_decision(layout, grams)[-1])
     return RankedRecording(run.name, seconds, found.right, found.wrong, reached)

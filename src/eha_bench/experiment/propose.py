@@ -334,7 +334,7 @@ class _ExperimentSearch:
         chosen, expected = self._shortest(drawn, layout)
         if expected.right < _WORTH or expected.wrong > 2.0 * MOST_WRONG:
             sensor = advice(self.rivals, layout, drawn[0].candidate, self.plan, self.bench,
-                            self.permitted.limits, self._before)  # fmt: skip
+                            self.permitted.limits)  # fmt: skip
             why = (
                 f"no permitted experiment within {self.budget:g} s separates "
                 f"{' and '.join(self.causes)}: the best of {self.tried} "
@@ -367,7 +367,7 @@ class _ExperimentSearch:
             drawn = [item for item in parts if item is not None]
             if len(drawn) < len(parts):
                 break
-            found = odds(layout, _one_after_the_other(drawn), self._before)[-1]
+            found = odds(layout, _one_after_the_other(drawn)[-1:])[0]
             if best is None or found.worth >= best[0] + _BETTER:
                 best, no_better = (found.worth, [item.candidate for item in drawn]), 0
             else:
@@ -406,7 +406,7 @@ class _ExperimentSearch:
             if not responses.safe:
                 break
             grams = self._products(responses, layout, self._ticks(item)[-1:], 50)
-            found = odds(layout, grams, self._before)[-1]
+            found = odds(layout, grams[-1:])[0]
             if found.right < min(expected.right, self.probability) or found.wrong > max(
                 expected.wrong, MOST_WRONG
             ):
@@ -442,7 +442,7 @@ class _ExperimentSearch:
             gone = sum(item.ticks[-1] / rate for item in first)
             if gone >= self.budget or (best is not None and best[0][0] == 0.0 < gone >= best[0][1]):
                 continue
-            after = odds(layout, _one_after_the_other(items), self._before)
+            after = odds(layout, _one_after_the_other(items))
             own = after[len(after) - len(last.ticks) :]
             for part, (tick, found) in enumerate(zip(last.ticks, own, strict=True)):
                 seconds = gone + tick / rate
@@ -454,10 +454,6 @@ class _ExperimentSearch:
                     best = (short, seconds), cut, found
         assert best is not None
         return best[1], best[2]
-
-    @property
-    def _before(self) -> float:
-        return self.question.covered.seconds
 
     def _proposal_of(self, chosen: list[Experiment]) -> Proposal:
         """Return a proposal with what fresh draws say of it."""
@@ -496,7 +492,7 @@ class _ExperimentSearch:
         widths = self._widths(layout, grams[-1])
         found = None
         if len(self.causes) > 1:
-            found = odds(layout, grams, self._before)[-1]
+            found = odds(layout, grams[-1:])[0]
         proposal = Proposal(
             ProposalEnding.PROPOSED,
             "",

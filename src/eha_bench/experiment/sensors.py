@@ -9,7 +9,7 @@ import numpy as np
 
 from eha_bench.core.errors import UnitError
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
-from eha_bench.experiment.decision import BLOCK, DrawRows, inner_products, odds
+from eha_bench.experiment.decision import DrawRows, inner_products, odds
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Limit, SetUp
 from eha_bench.experiment.proposal import SensorAdvice
@@ -27,13 +27,12 @@ def advice(
     plan: ExperimentSettings,
     bench: Bench,
     limits: Mapping[SetUp, Mapping[str, Limit]],
-    before: float,
 ) -> SensorAdvice | None:
     """Return the channel with which an experiment would most surely decide; None if none helps.
 
     Args:
         rivals, layout: what is simulated. candidate: the best experiment. plan: of the suite.
-        bench: what is measured already. limits: by setup. before: length of the recordings, s.
+        bench: what is measured already. limits: by setup.
     """
     plant = rivals[0].model.plant
     trial = plan.trials([candidate], ["t"])[0]
@@ -48,11 +47,9 @@ def advice(
         if not noise > 0.0:
             continue
         more = replace(bench, channels=(*bench.channels, name), noise=np.append(bench.noise, noise))
-        block = max(2, round(BLOCK * bench.rate))
-        count = responses.outputs[0].shape[1]
-        ticks = [*range(block, count, block), count]
+        ticks = [responses.outputs[0].shape[1]]
         grams = inner_products(layout, responses.outputs, plant.outputs, more, ticks, [7])
-        found = odds(layout, grams, before)[-1]
+        (found,) = odds(layout, grams)
         if found.right > (0.0 if best is None else best.right):
             best = SensorAdvice(name, noise, plant.units.get(name, ""), found.right)
     return best
