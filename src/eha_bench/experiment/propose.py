@@ -67,6 +67,8 @@ WITHIN = 0.1
 """Half of a 95 % interval, as a share of the parameter, that is asked for by default."""
 _LONGEST = 4.0
 """Length at which experiments are compared, s; longer ones are made of several."""
+_SHORTEST = 1.0
+"""Least length of a proposal, s: fewer than ten blocks bear out nothing where they are resampled."""
 _GENTLER = 0.6
 """Share by which the experiment is made smaller, again and again, while it still decides."""
 _SMALLEST = 0.01
@@ -448,6 +450,8 @@ class _ExperimentSearch:
                 seconds = gone + tick / rate
                 if seconds > self.budget + 0.5 / rate:
                     break
+                if seconds < _SHORTEST and tick < last.ticks[-1]:
+                    continue
                 short = 0.0 if self._suffices(found) else 1.0 - found.worth
                 if best is None or (short, seconds) < best[0]:
                     cut = [*(item.candidate for item in first), last.cut_after(part, rate)]
