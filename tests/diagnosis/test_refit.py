@@ -64,6 +64,34 @@ def test_a_form_needs_its_further_numbers_or_goes(behind: float, rows: int, chos
 
 
 @pytest.mark.parametrize(
+    ("predicted", "gained", "top", "taken_on"),
+    [
+        (600.0, 590.0, 600.0, False),  # as good as the best
+        (610.0, 490.0, 630.0, True),  # promised as much as the best gains, and stopped earlier
+        (450.0, 400.0, 630.0, False),  # promised less than the best gains
+        (450.0, 300.0, 310.0, True),  # much less than was predicted, though nearly the best
+        (200.0, 108.0, 110.0, False),  # of so little, less than was predicted means nothing
+    ],
+)
+def test_what_promised_as_much_as_the_best_is_fitted_as_far(
+    predicted: float, gained: float, top: float, *, taken_on: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    none = np.zeros(0)
+    nothing = Fit(none, (), none, np.zeros((0, 0)), 1700.0)
+    start = Start("effect", (), 0, 0.0, 1.0, 0.0, 1e3, ("effect.strength",), "force")
+    near = object.__new__(Near)
+    near.fit = nothing
+    near.problem = SimpleNamespace(size=1030)  # 700 are missing
+    better = replace(nothing, cost=1000.0)
+    monkeypatch.setattr(refit, "levenberg_marquardt", lambda *_, **__: better)
+    item = Screened(start, 1.0, predicted, none)
+    rough = Nearby((start,), replace(nothing, cost=1700.0 - gained))
+    found = near._further(item, nothing, rough, top)
+    assert (found.fit is better) is taken_on
+
+
+@pytest.mark.parametrize(
     ("near_value", "declared", "tried"),
     [
         (2.9, 1.0, False),

@@ -45,6 +45,10 @@ _WORTH = 0.1
 """Least share of the short windows' excess that is worth a fit over long ones."""
 _PROMISED = 0.3
 """Least share of that excess, predicted, for which a fit that fell short goes on."""
+_MAY_WIN = 0.8
+"""Least share of the best gain that is predicted of what may win; a fit gains more."""
+_AS_MUCH = 0.97
+"""Share of the best gain from which nothing was left on the way."""
 _REACHED = 0.7
 """Least share of a predicted gain that has not fallen short: a fit gains more than is predicted."""
 
@@ -266,7 +270,12 @@ class Near:
             for base, screened in zip(self._bases, self._screened, strict=True)
             for item in _most_promising(screened, most + 2)
         ]
-        found = side_by_side(lambda pair: self._refitted_from(*pair), chosen)
+        roughly = side_by_side(lambda pair: self._refitted_from(*pair), chosen)
+        top = max(map(self.gain, roughly), default=0.0)
+        found = side_by_side(
+            lambda pair: self._further(*pair[0], pair[1], top),
+            [*zip(chosen, roughly, strict=True)],
+        )
         forms: dict[str, list[Nearby]] = {}
         for item in found:
             forms.setdefault(item.starts[-1].candidate, []).append(item)
@@ -398,15 +407,29 @@ class Near:
 
     def _refitted_from(self, item: Screened, base: Fit) -> Nearby:
         vector = starting_point(self.problem, item, base)
-        found = self.fit_together((item.start,), vector, base.columns)
-        promised = item.gain > _PROMISED * self.excess
-        if not promised or base.cost - found.fit.cost >= _REACHED * item.gain:
-            return found
-        # slopes of before the candidate have led nowhere
-        fit = levenberg_marquardt(
-            self.problem, found.fit.vector, found.fit.free, iterations=10, refresh=4
+        return self.fit_together((item.start,), vector, base.columns)
+
+    def _further(self, item: Screened, base: Fit, fitted: Nearby, top: float) -> Nearby:
+        """Fit on with slopes of its own what fell short: those before the candidate led nowhere.
+
+        What promised as much as the best, and fell behind it, may only have stopped earlier.
+
+        Args:
+            item: what was predicted. base: the fit that it was predicted from.
+            fitted: as far as it was fitted. top: best gain of all.
+        """
+        ahead = self.fit.cost - base.cost
+        fell_short = (
+            item.gain > _PROMISED * self.excess
+            and base.cost - fitted.fit.cost < _REACHED * item.gain
         )
-        return replace(found, fit=fit)
+        was_passed = ahead + item.gain > _MAY_WIN * top and self.gain(fitted) < _AS_MUCH * top
+        if not (fell_short or was_passed):
+            return fitted
+        fit = levenberg_marquardt(
+            self.problem, fitted.fit.vector, fitted.fit.free, iterations=10, refresh=4
+        )
+        return replace(fitted, fit=fit)
 
     def _trial(self, item: Nearby) -> Refit:
         return Refit(item.starts[-1], self.long(item), NOT_COMPARED)

@@ -39,7 +39,7 @@ class _Whole:
 
 def compare_over_whole_runs(search: Search) -> None:
     """Drop equivalents that whole runs speak against; a rival that they speak for is exchanged."""
-    if (problem := _over_whole_runs(search.problem)) is not None:
+    if _contested(search) and (problem := _over_whole_runs(search.problem)) is not None:
         compare_over(search, problem)
 
 
@@ -50,11 +50,14 @@ def compare_over(search: Search, problem: Problem) -> None:
         search: at its end; an effect, what is equivalent and the fit may become others.
         problem: the same runs, cut otherwise.
     """
-    contested = [item for item in search.effects if len(_names(search, item)) > 1]
-    if contested:
-        problem.prepare(search.fit.vector)
-    for item in contested:
+    problem.prepare(search.fit.vector)
+    for item in _contested(search):
         _compare(search, problem, item)
+
+
+def _contested(search: Search) -> list[Accepted]:
+    """Return effects that have rivals."""
+    return [item for item in search.effects if len(_names(search, item)) > 1]
 
 
 def _over_whole_runs(problem: Problem) -> Problem | None:
