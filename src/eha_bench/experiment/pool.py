@@ -30,7 +30,8 @@ from eha_bench.experiment.decision import (
     shares_of_a_decision,
 )
 from eha_bench.experiment.hypothesis import Hypothesis, Question, read_question, rivals_to_separate
-from eha_bench.experiment.propose import no_progress, worst_width
+from eha_bench.experiment.narrowing import worst_width
+from eha_bench.experiment.propose import no_progress
 from eha_bench.experiment.response import Bench, predicted_readings
 from eha_bench.recordings import read
 from eha_bench.suites import trial_from_source
@@ -101,7 +102,7 @@ def rank(
     for number, (run, inputs) in enumerate(runs):
         progress("recordings", number / len(runs))
         try:
-            found.append(_rank_recording(question, rivals, run, inputs, bench, within, seed))
+            found.append(_rank_recording(rivals, run, inputs, bench, within, seed))
         except EhaBenchError as error:
             found.append(RankedRecording(run.log.name, np.nan, np.nan, np.nan, -1.0, str(error)))
     return tuple(sorted(found, key=lambda item: (
@@ -146,7 +147,6 @@ def _setup(log: Path) -> dict[str, str]:
 
 
 def _rank_recording(
-    question: Question,
     rivals: Sequence[Hypothesis],
     run: Run,
     inputs: tuple[str, ...],

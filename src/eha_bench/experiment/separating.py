@@ -1,0 +1,192 @@
+"""The shortest experiment, or sum of two or three, that names the right one of several rivals.
+
+Draws from the rivals' posteriors decide (`decision.odds`), and draws that did not choose it confirm
+it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+from eha_bench.experiment.candidates import Experiment
+from eha_bench.experiment.decision import DrawRows, Odds, odds
+from eha_bench.experiment.screening import LONGEST
+from eha_bench.experiment.simulator import Simulated, Simulator, one_after_the_other
+
+MOST_WRONG = 0.02
+"""Probability of naming a wrong rival that an experiment may have."""
+FRESH = 24
+"""Draws that check what was chosen."""
+TOGETHER = 3
+"""Most trials of a proposal."""
+_DRAWS = 12
+_SHORTEST = 1.0
+"""Least length of a proposal, s: fewer than ten blocks bear out nothing by resampling."""
+_GENTLER = 0.6
+"""Share by which the experiment is made smaller, again and again, while it still decides."""
+_SMALLEST = 0.01
+_LONGER = 6
+"""Most times that an experiment is made longer."""
+_BETTER = 0.02
+"""Rise of the probability that is worth more bench time."""
+_NO_BETTER = 2
+"""Times that more bench time brings nothing until it is believed: draws are few."""
+_WORTH = 0.5
+"""Least probability of naming the right rival that is worth bench time."""
+
+
+@dataclass(frozen=True)
+class Separation:
+    """The experiment that separates rivals best.
+
+    Attributes:
+        experiments: one after the other. odds: by the draws that chose them.
+        surest: the one that was found best before draws decided.
+        layout: of those draws.
+    """
+
+    experiments: list[Experiment]
+    odds: Odds
+    surest: Experiment
+    layout: DrawRows
+
+    @property
+    def is_worth_it(self) -> bool:
+        """Whether it names the right rival often enough for its bench time."""
+        return self.odds.right >= _WORTH and self.odds.wrong <= 2.0 * MOST_WRONG
+
+
+@dataclass(frozen=True)
+class Separating:
+    """A search for the shortest experiment.
+
+    Attributes:
+        simulator: of experiments. budget: bench time allowed, s.
+        probability: of naming the right rival that is asked for.
+    """
+
+    simulator: Simulator
+    budget: float
+    probability: float
+
+    def best(self, screened: Sequence[Simulated]) -> Separation | None:
+        """Return the shortest experiment that suffices, or the surest; None where none is safe."""
+        layout = self.simulator.draws(_DRAWS, 2)
+        drawn: list[Simulated] = []
+        for number, item in enumerate(screened):
+            self.simulator.progress("draws", number / len(screened))
+            again = self.simulator.with_draws(item.experiment, layout, 10 + number)
+            if again is not None:
+                drawn.append(again)
+        if not drawn:
+            return None
+        chosen, found = self._shortest(drawn, layout)
+        return Separation(chosen, found, drawn[0].experiment, layout)
+
+    def confirmed(self, found: Separation) -> list[Experiment]:
+        """Return its experiments as gentle as decides as surely, and as long as is confirmed."""
+        chosen = found.experiments
+        if len(chosen) == 1:
+            chosen = [self._gentlest(chosen[0], found.layout, found.odds)]
+        return self._lengthen_until_confirmed(chosen)
+
+    def _suffices(self, found: Odds) -> bool:
+        """Whether the right rival is named as surely as asked for."""
+        return found.right >= self.probability and found.wrong <= MOST_WRONG
+
+    def _shortest(
+        self, drawn: Sequence[Simulated], layout: DrawRows
+    ) -> tuple[list[Experiment], Odds]:
+        """Return the shortest sum of experiments that suffices, or the one that is surest."""
+        rate = self.simulator.bench.rate
+        best: tuple[tuple[float, float], list[Experiment], Odds] | None = None
+        several = [
+            items
+            for count in range(1, TOGETHER + 1)
+            for items in combinations_with_replacement(drawn[:3] if count > 1 else drawn, count)
+        ]
+        for number, items in enumerate(several):
+            self.simulator.progress("shortest", number / len(several))
+            *first, last = items
+            gone = sum(item.ticks[-1] / rate for item in first)
+            if gone >= self.budget or (best is not None and best[0][0] == 0.0 < gone >= best[0][1]):
+                continue
+            after = odds(layout, one_after_the_other(items))
+            own = after[len(after) - len(last.ticks) :]
+            for block, (tick, found) in enumerate(zip(last.ticks, own, strict=True)):
+                seconds = gone + tick / rate
+                if seconds > self.budget + 0.5 / rate:
+                    break
+                if seconds < _SHORTEST and tick < last.ticks[-1]:
+                    continue
+                short = 0.0 if self._suffices(found) else 1.0 - found.worth
+                if best is None or (short, seconds) < best[0]:
+                    cut = [*(item.experiment for item in first), last.cut_after(block, rate)]
+                    best = (short, seconds), cut, found
+        assert best is not None
+        return best[1], best[2]
+
+    def _gentlest(self, chosen: Experiment, layout: DrawRows, expected: Odds) -> Experiment:
+        """Return an experiment at the smallest size that decides as surely in the same time.
+
+        Rivals were fitted to what has been recorded; the further beyond, the less they are worth.
+        """
+        while chosen.size > _SMALLEST:
+            self.simulator.progress("gentler", 0.0)
+            item = chosen.at_size(_GENTLER * chosen.size)
+            responses = self.simulator.respond(item, layout)
+            if not responses.safe:
+                break
+            last = self.simulator.ticks(item)[-1:]
+            (found,) = odds(layout, self.simulator.products(responses, layout, last, 50))
+            if found.right < min(expected.right, self.probability) or found.wrong > max(
+                expected.wrong, MOST_WRONG
+            ):
+                break
+            chosen = item
+        return chosen
+
+    def _lengthen_until_confirmed(self, chosen: list[Experiment]) -> list[Experiment]:
+        """Return an experiment made longer until draws that did not choose it confirm its worth.
+
+        The shortest of many that seem to suffice is one that few draws flatter.
+        """
+        best: tuple[float, list[Experiment]] | None = None
+        no_better = 0
+        for number in range(_LONGER):
+            self.simulator.progress("confirm", number / _LONGER)
+            layout = self.simulator.draws(FRESH, 4, number)
+            parts = [
+                self.simulator.with_draws(item, layout, 70 + k) for k, item in enumerate(chosen)
+            ]
+            drawn = [item for item in parts if item is not None]
+            if len(drawn) < len(parts):
+                break
+            (found,) = odds(layout, one_after_the_other(drawn)[-1:])
+            if best is None or found.worth >= best[0] + _BETTER:
+                best, no_better = (found.worth, [item.experiment for item in drawn]), 0
+            else:
+                no_better += 1
+            if self._suffices(found) or no_better == _NO_BETTER:
+                break
+            longer = self._longer([item.experiment for item in drawn])
+            if longer is None:
+                break
+            chosen = longer
+        return chosen if best is None else best[1]
+
+    def _longer(self, chosen: list[Experiment]) -> list[Experiment] | None:
+        """Return an experiment that takes half as long again, or once more; None beyond the budget.
+
+        It is none of more than `TOGETHER` trials.
+        """
+        *first, last = chosen
+        gone = sum(item.seconds for item in first)
+        most = min(LONGEST, self.budget - gone)
+        if last.seconds < 0.95 * most:
+            return [*first, last.lasting(min(1.6 * last.seconds, most))]
+        if len(chosen) < TOGETHER and gone + 2.0 * last.seconds <= self.budget:
+            return [*chosen, last]
+        return None
