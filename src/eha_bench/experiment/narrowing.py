@@ -10,8 +10,12 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.candidates import Experiment
 from eha_bench.experiment.decision import posterior_after
 from eha_bench.experiment.hypothesis import Hypothesis
+from eha_bench.experiment.rival_simulator import (
+    RivalSimulator,
+    SimulatedExperiment,
+    one_after_the_other,
+)
 from eha_bench.experiment.separating import TOGETHER
-from eha_bench.experiment.simulator import Simulated, Simulator, one_after_the_other
 
 _COMBINED = 4
 """Experiments that are tried together."""
@@ -26,7 +30,7 @@ class Narrowed:
 
 
 def narrowest(
-    simulator: Simulator, screened: Sequence[Simulated], budget: float, within: float
+    simulator: RivalSimulator, screened: Sequence[SimulatedExperiment], budget: float, within: float
 ) -> Narrowed:
     """Return the shortest experiment that suffices, or the one that comes nearest.
 

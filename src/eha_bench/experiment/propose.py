@@ -46,10 +46,14 @@ from eha_bench.experiment.permitted import (
 )
 from eha_bench.experiment.proposal import PlannedTrial, Proposal, ProposalEnding, Width
 from eha_bench.experiment.response import Bench
+from eha_bench.experiment.rival_simulator import (
+    RivalSimulator,
+    SimulatedExperiment,
+    one_after_the_other,
+)
 from eha_bench.experiment.screening import best_experiments
 from eha_bench.experiment.sensors import advice
 from eha_bench.experiment.separating import FRESH, Separating, Separation
-from eha_bench.experiment.simulator import Simulated, Simulator, one_after_the_other
 
 ASKED = 0.95
 WITHIN = 0.1
@@ -126,7 +130,9 @@ class _Planner:
             bench.rate,
             {key: self._safety(key) for key in self.permitted.limits},
         )
-        self.simulator = Simulator(self.rivals, bench, self.permitted, self.plan, seed, progress)
+        self.simulator = RivalSimulator(
+            self.rivals, bench, self.permitted, self.plan, seed, progress
+        )
 
     def run(self) -> Proposal:
         """Search, and say how it ended."""
@@ -155,7 +161,7 @@ class _Planner:
         worst = [self._worst(posterior_after(self.rivals[0], layout, gram, 0)) for gram in grams]
         return (self.within / np.maximum(worst, 1e-12)) ** 2
 
-    def _separating(self, screened: Sequence[Simulated]) -> Proposal:
+    def _separating(self, screened: Sequence[SimulatedExperiment]) -> Proposal:
         """Return the shortest experiment that names the right rival."""
         search = Separating(self.simulator, self.budget, self.probability)
         found = search.best(screened)
@@ -181,7 +187,7 @@ class _Planner:
             why += f"; log {sensor.channel} as well and it would in {per_cent(sensor.right)}"
         return replace(self._none_permitted(why), odds=found.odds, sensor=sensor)
 
-    def _narrowing(self, screened: Sequence[Simulated]) -> Proposal:
+    def _narrowing(self, screened: Sequence[SimulatedExperiment]) -> Proposal:
         """Return the shortest experiment that brings the worst interval under what is asked."""
         found = narrowest(self.simulator, screened, self.budget, self.within)
         before = self._worst(self.rivals[0].covariance)
@@ -227,7 +233,7 @@ class _Planner:
         simulator = self.simulator
         simulator.progress("predict", 0.0)
         layout = simulator.draws(FRESH, 3)
-        done: list[Simulated] = []
+        done: list[SimulatedExperiment] = []
         trials: list[PlannedTrial] = []
         for number, item in enumerate(chosen):
             if (safe := simulator.safe_responses(item, layout)) is None:
@@ -235,7 +241,7 @@ class _Planner:
             experiment, responses = safe
             ticks = simulator.ticks(experiment)
             grams = simulator.products(responses, layout, ticks, 100 + number)
-            done.append(Simulated(experiment, ticks, grams))
+            done.append(SimulatedExperiment(experiment, ticks, grams))
             trials.append(
                 planned_trial(
                     f"part_{len(done)}", experiment, self.plan, self.rivals, layout, responses,

@@ -13,7 +13,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.candidates import candidates, neighbour_of
-from eha_bench.experiment.simulator import Simulated, Simulator
+from eha_bench.experiment.rival_simulator import RivalSimulator, SimulatedExperiment
 
 LONGEST = 4.0
 """Length at which experiments are compared, s; longer ones are made of several."""
@@ -23,8 +23,8 @@ _VARIATIONS = 5
 
 
 def best_experiments(
-    simulator: Simulator, budget: float, shares_reached: Callable[[FloatArray], FloatArray]
-) -> list[Simulated]:
+    simulator: RivalSimulator, budget: float, shares_reached: Callable[[FloatArray], FloatArray]
+) -> list[SimulatedExperiment]:
     """Return the best experiments, after variation, the cheapest first.
 
     Args:
@@ -34,7 +34,7 @@ def best_experiments(
     """
     rate = simulator.bench.rate
 
-    def price(item: Simulated) -> float:
+    def price(item: SimulatedExperiment) -> float:
         """Return the bench time after which an experiment would decide, s."""
         reached = shares_reached(item.grams)
         enough = np.flatnonzero(reached >= 1.0)
@@ -43,7 +43,7 @@ def best_experiments(
         return item.experiment.seconds / max(float(reached[-1]), 1e-9)
 
     every = list(candidates(simulator.plan, min(budget, LONGEST)))
-    found: list[tuple[float, Simulated]] = []
+    found: list[tuple[float, SimulatedExperiment]] = []
     for number, experiment in enumerate(every):
         simulator.progress("candidates", number / len(every))
         if (item := simulator.at_fitted_values(experiment)) is not None:
@@ -61,9 +61,11 @@ def best_experiments(
     return [item for _, item in _unlike(found)]
 
 
-def _unlike(found: Sequence[tuple[float, Simulated]]) -> list[tuple[float, Simulated]]:
+def _unlike(
+    found: Sequence[tuple[float, SimulatedExperiment]],
+) -> list[tuple[float, SimulatedExperiment]]:
     """Return the best few by their price, of which no three are of one kind in one setup."""
-    kept: list[tuple[float, Simulated]] = []
+    kept: list[tuple[float, SimulatedExperiment]] = []
     for cost, item in sorted(found, key=lambda pair: pair[0]):
         own = item.experiment
         alike = [k for _, k in kept if (k.experiment.kind, k.experiment.setup)

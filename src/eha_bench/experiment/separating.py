@@ -12,8 +12,12 @@ from itertools import combinations_with_replacement
 
 from eha_bench.experiment.candidates import Experiment
 from eha_bench.experiment.decision import DrawRows, Odds, odds
+from eha_bench.experiment.rival_simulator import (
+    RivalSimulator,
+    SimulatedExperiment,
+    one_after_the_other,
+)
 from eha_bench.experiment.screening import LONGEST
-from eha_bench.experiment.simulator import Simulated, Simulator, one_after_the_other
 
 MOST_WRONG = 0.02
 """Probability of naming a wrong rival that an experiment may have."""
@@ -67,14 +71,14 @@ class Separating:
         probability: of naming the right rival that is asked for.
     """
 
-    simulator: Simulator
+    simulator: RivalSimulator
     budget: float
     probability: float
 
-    def best(self, screened: Sequence[Simulated]) -> Separation | None:
+    def best(self, screened: Sequence[SimulatedExperiment]) -> Separation | None:
         """Return the shortest experiment that suffices, or the surest; None where none is safe."""
         layout = self.simulator.draws(_DRAWS, 2)
-        drawn: list[Simulated] = []
+        drawn: list[SimulatedExperiment] = []
         for number, item in enumerate(screened):
             self.simulator.progress("draws", number / len(screened))
             again = self.simulator.with_draws(item.experiment, layout, 10 + number)
@@ -97,7 +101,7 @@ class Separating:
         return found.right >= self.probability and found.wrong <= MOST_WRONG
 
     def _shortest(
-        self, drawn: Sequence[Simulated], layout: DrawRows
+        self, drawn: Sequence[SimulatedExperiment], layout: DrawRows
     ) -> tuple[list[Experiment], Odds]:
         """Return the shortest sum of experiments that suffices, or the one that is surest."""
         rate = self.simulator.bench.rate

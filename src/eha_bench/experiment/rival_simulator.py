@@ -18,7 +18,7 @@ from eha_bench.experiment.response import Bench, Responses, largest, respond
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulatedExperiment:
     """An experiment with the inner products of its simulation, up to the end of each block."""
 
     experiment: Experiment
@@ -30,7 +30,7 @@ class Simulated:
         return self.experiment.lasting(self.ticks[block] / rate)
 
 
-def one_after_the_other(items: Sequence[Simulated]) -> FloatArray:
+def one_after_the_other(items: Sequence[SimulatedExperiment]) -> FloatArray:
     """Return the inner products of several experiments, up to the end of each of their blocks."""
     parts: list[FloatArray] = []
     for item in items:
@@ -39,7 +39,7 @@ def one_after_the_other(items: Sequence[Simulated]) -> FloatArray:
 
 
 @dataclass
-class Simulator:
+class RivalSimulator:
     """What every experiment is simulated with.
 
     Attributes:
@@ -88,7 +88,7 @@ class Simulator:
         block = max(2, round(BLOCK * self.bench.rate))
         return (*range(block, count, block), count)
 
-    def at_fitted_values(self, experiment: Experiment) -> Simulated | None:
+    def at_fitted_values(self, experiment: Experiment) -> SimulatedExperiment | None:
         """Simulate at the fitted values and along the posterior's axes; None if that is unsafe.
 
         The size is the largest that keeps the limits.
@@ -103,16 +103,18 @@ class Simulator:
             return None
         item, responses = found
         ticks = self.ticks(item)
-        return Simulated(item, ticks, self.products(responses, self.layout, ticks, 0))
+        return SimulatedExperiment(item, ticks, self.products(responses, self.layout, ticks, 0))
 
-    def with_draws(self, experiment: Experiment, layout: DrawRows, number: int) -> Simulated | None:
+    def with_draws(
+        self, experiment: Experiment, layout: DrawRows, number: int
+    ) -> SimulatedExperiment | None:
         """Simulate with draws of the posteriors, smaller where one of them breaks a limit."""
         found = self._safe(experiment, layout, 0.75, 4)
         if found is None:
             return None
         item, responses = found
         ticks = self.ticks(item)
-        return Simulated(item, ticks, self.products(responses, layout, ticks, number))
+        return SimulatedExperiment(item, ticks, self.products(responses, layout, ticks, number))
 
     def safe_responses(
         self, experiment: Experiment, layout: DrawRows
