@@ -153,6 +153,42 @@ def test_a_regressor_without_meaning_gains_nothing_on_runs_left_out():
     assert found.p_value > 1e-3
 
 
+def uneven(rng: np.random.Generator, elsewhere: float) -> np.ndarray:
+    """What acts strongly in one block of eighty, and in every third by a share of that."""
+    size = np.where(np.arange(80) % 3 == 0, elsewhere, 0.0)
+    size[41] = 1.0
+    return np.repeat(size, 100) * rng.standard_normal(8000)
+
+
+@pytest.mark.parametrize(("elsewhere", "sure"), [(0.02, True), (0.0, False)])
+def test_what_acts_most_in_one_block_is_sure_if_it_acts_in_others_too(
+    elsewhere: float, *, sure: bool
+) -> None:
+    """Its sum over blocks is far from normal: one block is nearly all of it."""
+    rng = np.random.default_rng(3)
+    column = 20.0 * uneven(rng, elsewhere)
+    noise = rng.standard_normal(8000)
+    before = linear_fit(np.zeros((8000, 0)), noise + column, [], np.zeros(0))
+    found = compare(
+        before, linear_fit(column[:, None], noise, ["x"], np.ones(1)), blocks(8000), 1.0
+    )
+    assert found.gain_out > 100.0
+    assert (found.p_value <= 0.05) is sure
+
+
+@pytest.mark.parametrize("elsewhere", [0.02, 0.2, 1.0])
+def test_of_regressors_without_meaning_at_most_as_many_are_sure_as_is_said(elsewhere: float):
+    rng = np.random.default_rng(5)
+    sure = 0
+    for _ in range(200):
+        column, residual = uneven(rng, elsewhere), rng.standard_normal(8000)
+        step = -(column @ residual) / (column @ column)
+        before = linear_fit(np.zeros((8000, 0)), residual, [], np.zeros(0))
+        after = linear_fit(column[:, None], residual + step * column, ["x"], np.ones(1))
+        sure += compare(before, after, blocks(8000), 1.0).p_value <= 0.05
+    assert sure / 200 <= 0.05 + 2.0 * np.sqrt(0.05 * 0.95 / 200)
+
+
 def test_a_real_regressor_is_found_on_runs_left_out():
     rng = np.random.default_rng(3)
     n = 8000

@@ -32,6 +32,8 @@ def _soft_mean() -> float:
     return float(weights @ soft**2 / weights.sum())
 
 
+_COUNTED = 0.01
+"""Least probability that is read off counted draws."""
 _CONCERNED = 0.03
 _FURTHEST = 8.0
 """Size of a residual beyond which it counts as one of that size, in the noise."""
@@ -251,7 +253,8 @@ class Improvement:
         gain_out: fall of the cost on runs left out in turn.
         share, share_out: both over the excess before on the data fitted; what the fit without a
             cause bends to costs more on runs left out, so share_out may well be above 1.
-        p_value: of gain_out <= 0, by resampling blocks.
+        p_value: of gain_out <= 0, by resampling blocks: as of a normal sum, or as counted, where
+            that is less and above 0.01.
         runs_better: share of the runs (by count) that gain when left out, of those it changes.
         explained_out: gain_out as a part of the excess before on the same runs left out, at most 1.
     """
@@ -284,7 +287,9 @@ def compare(
     draws = generator.integers(0, sums.size, size=(1000, sums.size))
     totals = sums[draws].sum(axis=1)
     spread = float(totals.std()) or 1e-300
-    p_value = float(ndtr(-gain_out / spread))
+    # what acts in few blocks makes sums that are far from normal, and never a loss
+    counted = max(_COUNTED, float(np.mean(totals <= 0.0)))
+    p_value = min(float(ndtr(-gain_out / spread)), counted)
     per_run = np.array([float(difference[rows].sum()) for rows in groups.runs])
     # where there is hardly any excess, shares of it mean nothing
     scale = max(excess_before, gain, 1.0)
