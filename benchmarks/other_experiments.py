@@ -8,11 +8,13 @@ probabilities that no proposal would have.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.candidates import (
     Experiment,
     ExperimentSettings,
@@ -20,13 +22,14 @@ from eha_bench.experiment.candidates import (
     neighbour_of,
     unit_of_level,
 )
-from eha_bench.experiment.decision import Odds, inner_products, layout_of, odds
-from eha_bench.experiment.hypothesis import read_question, rivals_to_separate
+from eha_bench.experiment.decision import DrawRows, Odds, inner_products, layout_of, odds
+from eha_bench.experiment.hypothesis import Hypothesis, read_question, rivals_to_separate
 from eha_bench.experiment.permitted import mode_of, permitted_ranges
 from eha_bench.experiment.response import Bench, largest, respond
+from eha_bench.experiment.separating import FRESH
 from eha_bench.suites import Suite, load_suite
 
-_DRAWS, _FRESH = 12, 24
+_DRAWS = 12
 
 
 @dataclass(frozen=True)
@@ -87,12 +90,7 @@ class OtherPlanners:
             safe = self._largest(item.lasting(self.seconds))
             if safe is None:
                 continue
-            trial = self.plan.trials([safe], ["t"])[0]
-            found = respond(self.rivals[:1], layout.points, trial, self.bench, {})
-            ticks = [round(self.seconds * self.bench.rate)]
-            gram = inner_products(
-                layout, found.outputs, self.plant.outputs, self.bench, ticks, [0]
-            )[-1]
+            (gram,) = self._products(safe, self.rivals[:1], layout, 0)
             own = layout.rows()[1][0]
             information = np.eye(layout.sizes[0]) + gram[own, own]
             value = float(np.linalg.slogdet(information)[1])
@@ -108,11 +106,15 @@ class OtherPlanners:
 
     def _stated(self, item: Experiment) -> OtherExperiment:
         """Return it with its odds over draws of its own."""
-        layout = layout_of(self.rivals, _FRESH, np.random.default_rng(6))
+        layout = layout_of(self.rivals, FRESH, np.random.default_rng(6))
+        (found,) = odds(layout, self._products(item, self.rivals, layout, 1))
+        return OtherExperiment(load_suite(self.plan.suite([item], ["part_1"])), found)
+
+    def _products(
+        self, item: Experiment, rivals: Sequence[Hypothesis], layout: DrawRows, seed: int
+    ) -> FloatArray:
+        """Return inner products at its end, (1, rows, rows)."""
         trial = self.plan.trials([item], ["t"])[0]
-        found = respond(self.rivals, layout.points, trial, self.bench, {})
-        outputs, ticks = self.plant.outputs, [round(self.seconds * self.bench.rate)]
-        grams = inner_products(layout, found.outputs, outputs, self.bench, ticks, [1])
-        return OtherExperiment(
-            load_suite(self.plan.suite([item], ["part_1"])), odds(layout, grams)[0]
-        )
+        found = respond(rivals, layout.points, trial, self.bench, {})
+        ticks = [round(self.seconds * self.bench.rate)]
+        return inner_products(layout, found.outputs, self.plant.outputs, self.bench, ticks, [seed])

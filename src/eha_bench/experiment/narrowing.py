@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.candidates import Experiment
@@ -14,8 +13,8 @@ from eha_bench.experiment.rival_simulator import (
     RivalSimulator,
     SimulatedExperiment,
     one_after_the_other,
+    sums_of,
 )
-from eha_bench.experiment.separating import TOGETHER
 
 _COMBINED = 4
 """Experiments that are tried together."""
@@ -40,14 +39,7 @@ def narrowest(
     """
     best: tuple[tuple[float, float], Narrowed] | None = None
     rate, rival = simulator.bench.rate, simulator.rivals[0]
-    several = [
-        items
-        for count in range(1, TOGETHER + 1)
-        for items in combinations_with_replacement(
-            screened[:_COMBINED] if count > 1 else screened, count
-        )
-    ]
-    for items in several:
+    for items in sums_of(screened, _COMBINED):
         *first, last = items
         gone = sum(item.ticks[-1] / rate for item in first)
         grams = one_after_the_other(items)

@@ -239,13 +239,11 @@ class _Planner:
             if (safe := simulator.safe_responses(item, layout)) is None:
                 continue
             experiment, responses = safe
-            ticks = simulator.ticks(experiment)
-            grams = simulator.products(responses, layout, ticks, 100 + number)
-            done.append(SimulatedExperiment(experiment, ticks, grams))
+            done.append(simulator.simulated(experiment, responses, layout, 100 + number))
             trials.append(
                 planned_trial(
                     f"part_{len(done)}", experiment, self.plan, self.rivals, layout, responses,
-                    simulator.bench, ticks, grams,
+                    simulator.bench, done[-1].ticks, done[-1].grams,
                 )
             )  # fmt: skip
         if not done:

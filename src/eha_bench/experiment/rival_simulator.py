@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from eha_bench.experiment.decision import BLOCK, DrawRows, inner_products, layou
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Permitted
 from eha_bench.experiment.response import Bench, Responses, largest, respond
+
+TOGETHER = 3
+"""Most trials of a proposal."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,23 @@ def one_after_the_other(items: Sequence[SimulatedExperiment]) -> FloatArray:
     for item in items:
         parts.append(item.grams + (parts[-1][-1] if parts else 0.0))
     return np.concatenate(parts)
+
+
+def sums_of(
+    items: Sequence[SimulatedExperiment], combined: int
+) -> list[tuple[SimulatedExperiment, ...]]:
+    """Return each experiment, and sums of up to `TOGETHER` of the first few.
+
+    Args:
+        items: the best first. combined: how many of them are added to others.
+    """
+    return [
+        several
+        for count in range(1, TOGETHER + 1)
+        for several in combinations_with_replacement(
+            items[:combined] if count > 1 else items, count
+        )
+    ]
 
 
 @dataclass
@@ -101,20 +122,23 @@ class RivalSimulator:
         if found is None:
             self.refused += 1
             return None
-        item, responses = found
-        ticks = self.ticks(item)
-        return SimulatedExperiment(item, ticks, self.products(responses, self.layout, ticks, 0))
+        return self.simulated(*found, self.layout, 0)
 
     def with_draws(
         self, experiment: Experiment, layout: DrawRows, number: int
     ) -> SimulatedExperiment | None:
         """Simulate with draws of the posteriors, smaller where one of them breaks a limit."""
         found = self._safe(experiment, layout, 0.75, 4)
-        if found is None:
-            return None
-        item, responses = found
-        ticks = self.ticks(item)
-        return SimulatedExperiment(item, ticks, self.products(responses, layout, ticks, number))
+        return None if found is None else self.simulated(*found, layout, number)
+
+    def simulated(
+        self, experiment: Experiment, responses: Responses, layout: DrawRows, stream: int
+    ) -> SimulatedExperiment:
+        """Return an experiment with the inner products of its responses."""
+        ticks = self.ticks(experiment)
+        return SimulatedExperiment(
+            experiment, ticks, self.products(responses, layout, ticks, stream)
+        )
 
     def safe_responses(
         self, experiment: Experiment, layout: DrawRows

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 from eha_bench.experiment.candidates import Experiment
 from eha_bench.experiment.decision import DrawRows, Odds, odds
 from eha_bench.experiment.rival_simulator import (
+    TOGETHER,
     RivalSimulator,
     SimulatedExperiment,
     one_after_the_other,
+    sums_of,
 )
 from eha_bench.experiment.screening import LONGEST
 
@@ -23,8 +24,8 @@ MOST_WRONG = 0.02
 """Probability of naming a wrong rival that an experiment may have."""
 FRESH = 24
 """Draws that check what was chosen."""
-TOGETHER = 3
-"""Most trials of a proposal."""
+_COMBINED = 3
+"""Experiments that are tried together."""
 _DRAWS = 12
 _SHORTEST = 1.0
 """Least length of a proposal, s: fewer than ten blocks bear out nothing by resampling."""
@@ -106,11 +107,7 @@ class Separating:
         """Return the shortest sum of experiments that suffices, or the one that is surest."""
         rate = self.simulator.bench.rate
         best: tuple[tuple[float, float], list[Experiment], Odds] | None = None
-        several = [
-            items
-            for count in range(1, TOGETHER + 1)
-            for items in combinations_with_replacement(drawn[:3] if count > 1 else drawn, count)
-        ]
+        several = sums_of(drawn, _COMBINED)
         for number, items in enumerate(several):
             self.simulator.progress("shortest", number / len(several))
             *first, last = items

@@ -9,32 +9,25 @@ there. Where none does, it only says that every form is a little off, and what w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start, one_of_each_form
-from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, excess, groups_of
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, compare, excess, groups_of
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.search.exchange import CLOSE, compared
 from eha_bench.diagnosis.search.refit import free_of
-from eha_bench.diagnosis.search.state import Accepted, Search, starts_of
+from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
 
 _UNCUT = float("inf")
 _ITERATIONS = 8
 _RIVALS = 3
 _LITTLE_MORE = 1.1
 """Cost over that of the effect up to which a rival may only have been caught over windows."""
-
-
-@dataclass(frozen=True)
-class _Whole:
-    """A candidate fitted over whole runs."""
-
-    start: Start
-    fit: Fit
 
 
 def compare_over_whole_runs(search: Search) -> None:
@@ -151,16 +144,16 @@ def _begun(search: Search, item: Accepted) -> Iterator[tuple[str, list[tuple[Sta
         yield name, [*begun, *((start, start.apply(off)) for start in forms)]
 
 
-def _best(within: Search, begun: Sequence[tuple[Start, FloatArray]]) -> _Whole:
+def _best(within: Search, begun: Sequence[tuple[Start, FloatArray]]) -> Refit:
     """Return the best fit over whole runs of some starts in an item's place."""
     coarse = within.problem.at_step(max(within.problem.step, COARSE))
-    found = []
-    for start, vector in begun:
+
+    def rough(pair: tuple[Start, FloatArray]) -> Refit:
+        start, vector = pair
         free = free_of(within, vector, [start])
-        found.append(
-            _Whole(start, levenberg_marquardt(coarse, vector, free, iterations=_ITERATIONS,
-                                              refresh=1))
-        )  # fmt: skip
-    best = min(found, key=lambda one: one.fit.cost)
+        fit = levenberg_marquardt(coarse, vector, free, iterations=_ITERATIONS, refresh=1)
+        return Refit(start, fit, NOT_COMPARED)
+
+    best = min(side_by_side(rough, begun), key=lambda one: one.fit.cost)
     fit = levenberg_marquardt(within.problem, best.fit.vector, best.fit.free, refresh=1)
-    return _Whole(best.start, fit)
+    return replace(best, fit=fit)
