@@ -10,9 +10,11 @@ from sample_run import NASTY
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
+from eha_bench.diagnosis.replay.error_by_value import errors_by_value
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.posterior.covered import Covered, CoveredSetup
 
 DECLARED = Model("eha_knee", {"bulk_modulus": 9e8}, ("bulk_modulus",))
 NAN = float("nan")
@@ -55,6 +57,13 @@ def effect_found() -> Diagnosis:
         1e-9,
     )
     revised = DECLARED.with_effect(DeclaredEffect("entrained_air", {"air_fraction": 0.025}))
+    replays = (
+        sample_replay(NASTY, Use.HOLDOUT, 0),
+        sample_replay("locked_steps", Use.TRAIN, 1),
+    )
+    covered = CoveredSetup(
+        "locked", "closed", {"pressure_a": (9e6, 12e6), "motor_speed": (-10.0, 30.0)}
+    )
     return Diagnosis(
         Verdict.EFFECT,
         revised,
@@ -72,9 +81,9 @@ def effect_found() -> Diagnosis:
         calibrated={"bulk_modulus": Estimate(9.2e8, -np.inf, np.inf, "Pa")},
         undetermined=("leakage is not determined by these data",),
         notes=(f"run {NASTY} has gaps", "what remains is 0.1 % above the noise"),
-        replays=(
-            sample_replay(NASTY, Use.HOLDOUT, 0),
-            sample_replay("locked_steps", Use.TRAIN, 1),
+        replays=replays,
+        error_by_value=errors_by_value(
+            replays, Covered(1e3, 2.0, {}, {"pressure_a": 3e4}, {}, (covered,))
         ),
         seconds=12.3,
     )

@@ -24,11 +24,13 @@ from test_browser import quiet
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.replay.error_by_value import ErrorBin, ErrorByValue
 from eha_bench.plants.model import DeclaredEffect
 from eha_bench.report.curve_figure import learned_curve
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.diagnosis_scene import diagnosis_scene
 from eha_bench.report.diagnosis_text import effect_rows, headline, share, times, unknown_place
+from eha_bench.report.error_by_value_table import error_tables
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
 
@@ -110,6 +112,31 @@ def test_the_page_tells_all_parts(page: Path) -> None:
         "leakage is not determined", "0.02490 … 0.02510",
     ):  # fmt: skip
         assert part in text, part
+
+
+def test_it_shows_where_the_model_holds() -> None:
+    """The revised model errs by the noise everywhere; below -10 rad/s lies a bin of its own."""
+    tables = error_tables(effect_found().error_by_value, {"pressure_a": 3e4})
+    assert [table.name for table in tables] == ["Pressure A", "Motor speed"]
+    rows = {row.name: row for row in tables[0].rows}
+    assert set(rows) == {"Pressure A", "Motor speed"}
+    assert rows["Pressure A"].fitted == "9.00 … 12.00\N{NO-BREAK SPACE}MPa"
+    errors = [cell.error for cell in rows["Pressure A"].cells]
+    assert len(errors) == 7
+    assert all(28 <= float(error) <= 32 for error in errors), "kPa, below and above too"
+    assert {cell.shade for cell in rows["Pressure A"].cells} == {0}
+    below = rows["Motor speed"].cells[0]
+    assert below.within.startswith("\N{MINUS SIGN}191")
+
+
+def test_shades_double_from_twice_the_noise_floor() -> None:
+    errors = (1.9, 2.1, 4.1, 8.1, 16.1)
+    part = tuple(ErrorBin(k, k + 1.0, errors[k], 1.0, float(k > 0)) for k in range(5))
+    item = ErrorByValue("angle", "m", "angle", "m", None, part, None)
+    (table,) = error_tables([item], {"angle": 1.0})
+    cells = table.rows[0].cells
+    assert [cell.shade for cell in cells] == [0, 0, 1, 2, 3, 4, 0]
+    assert [cell.fitted for cell in cells[1:6]] == [False, True, True, True, True]
 
 
 def test_a_model_that_nothing_was_added_to_is_shown_once(tmp_path: Path) -> None:

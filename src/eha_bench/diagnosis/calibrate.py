@@ -57,6 +57,7 @@ from eha_bench.diagnosis.outcome.findings import (
 )
 from eha_bench.diagnosis.outcome.model_errors import scores_of
 from eha_bench.diagnosis.outcome.revise import revised_model
+from eha_bench.diagnosis.replay.error_by_value import ErrorByValue
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
@@ -73,6 +74,7 @@ class Calibration:
         undetermined: directions that the data do not determine, in words.
         train, holdout, unseen: channel -> errors (before: declared; after: calibrated).
         covered: where the training recordings have been.
+        error_by_value: errors of the calibrated model by the value of each channel.
         per_run: run -> parameter of that run alone -> value; of held-out runs by their first
             part.
         lateness: clock of a log -> s by which its stamps are late by always the same.
@@ -92,6 +94,7 @@ class Calibration:
     holdout: Mapping[str, ChannelError] = field(default_factory=dict)
     unseen: Mapping[str, ChannelError] = field(default_factory=dict)
     covered: Covered | None = None
+    error_by_value: tuple[ErrorByValue, ...] = ()
     per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     lateness: Mapping[str, Estimate] = field(default_factory=dict)
     convergence: Convergence | None = None
@@ -121,6 +124,7 @@ class Calibration:
                 "unseen": errors_to_dict(self.unseen),
             },
             "covered": None if self.covered is None else self.covered.to_dict(),
+            "error_by_value": [item.to_dict() for item in self.error_by_value],
             "model": "calibrated.yaml",
             "notes": list(self.notes),
             "complete": self.complete,

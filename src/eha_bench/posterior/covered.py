@@ -98,8 +98,12 @@ class Covered:
             reached = lowest if low - lowest > highest - high else highest
             outside = max(low - lowest, highest - high)
             span = high - low
-            if outside > max(_MARGIN * span, _NOISES * self.noise.get(name, 0.0)):
+            if outside > self.margin(name, (low, high)):
                 yield Beyond(name, reached, low, high, outside / max(span, 1e-300))
+
+    def margin(self, name: str, ends: tuple[float, float]) -> float:
+        """Return how far beyond its recorded ends a channel counts as recorded, SI."""
+        return max(_MARGIN * (ends[1] - ends[0]), _NOISES * self.noise.get(name, 0.0))
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""

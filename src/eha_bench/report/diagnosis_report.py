@@ -33,6 +33,7 @@ from eha_bench.report.diagnosis_text import (
     words_of,
 )
 from eha_bench.report.engineering import number
+from eha_bench.report.error_by_value_table import error_tables
 from eha_bench.report.figure_view import FigureView, figure_of
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.points_figure import points_view
@@ -131,6 +132,7 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
         "verdict": verdict,
         "sentence": sentence,
         "errors": tables,
+        "by_value": error_tables(found.error_by_value, _floors(found)),
         "is_revised": _is_revised(found),
         "causes": _causes(found),
         "unknown": None if found.unknown is None else UnknownView(

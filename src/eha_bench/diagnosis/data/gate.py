@@ -139,6 +139,11 @@ class Measured:
         own = {key: place for key, place in self.run.own.items() if key not in known}
         return replace(self, run=replace(self.run, parameters=known, own=own))
 
+    def ended(self, until: float) -> Measured:
+        """Return the same run with no reading believed from a time on, s from its first sample."""
+        before = self.time < until
+        return self if before.all() else replace(self, valid=self.valid & before[:, None])
+
     @cached_property
     def tick(self) -> float:
         """Usual step of its clock, s."""

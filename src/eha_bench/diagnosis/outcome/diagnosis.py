@@ -18,6 +18,7 @@ from eha_bench.core.lazy import later
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.rival import Rival
+from eha_bench.diagnosis.replay.error_by_value import ErrorByValue
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
@@ -155,6 +156,7 @@ class Diagnosis:
         failed: the stage that failed, if any: what was found before it stands.
         rivals: what was found, and its rivals, each as a model with its covariance.
         covered: where the training recordings have been.
+        error_by_value: errors of the revised model by the value of each channel.
         lateness: clock of a log -> s by which its stamps are late by always the same.
         seconds: how long it took.
         simulations: how many simulations of all training data that equals, by simulated time.
@@ -181,6 +183,7 @@ class Diagnosis:
     failed: FailedStage | None = None
     rivals: tuple[Rival, ...] = ()
     covered: Covered | None = None
+    error_by_value: tuple[ErrorByValue, ...] = ()
     seconds: float = math.nan
     simulations: float = math.nan
     lateness: Mapping[str, Estimate] = field(default_factory=dict)
@@ -245,6 +248,7 @@ class Diagnosis:
             "model": "revised.yaml",
             "rivals": [item.to_dict() for item in self.rivals],
             "covered": None if self.covered is None else self.covered.to_dict(),
+            "error_by_value": [item.to_dict() for item in self.error_by_value],
             "calibrated": {name: estimate_to_dict(e) for name, e in self.calibrated.items()},
             "per_run": own_to_dict(self.per_run),
             "lateness": {name: estimate_to_dict(e) for name, e in self.lateness.items()},

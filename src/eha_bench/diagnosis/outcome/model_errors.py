@@ -5,6 +5,7 @@ Runs for holdout are read here, for the first time, when everything is decided.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -32,6 +33,8 @@ from eha_bench.diagnosis.fit.steady_windows import cut_alike, steady_problem
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.covered_ranges import covered_ranges
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.replay.delay_jump import ended_at_jumps
+from eha_bench.diagnosis.replay.error_by_value import ErrorByValue, beyond_notes, errors_by_value
 from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
     floors,
@@ -52,6 +55,7 @@ class Scores:
         errors: channel -> errors, by the runs' use. replays: what they are computed from.
         per_run: held-out run -> parameter of that run alone -> estimate by its first part.
         covered: where the training recordings have been. notes: one sentence each.
+        by_value: errors of the last model by the value of each channel.
     """
 
     errors: Mapping[Use, Mapping[str, ChannelError]]
@@ -59,6 +63,7 @@ class Scores:
     per_run: Mapping[str, Mapping[str, Estimate]]
     covered: Covered
     notes: tuple[str, ...]
+    by_value: tuple[ErrorByValue, ...]
 
     def fields(
         self, per_run: Mapping[str, Mapping[str, Estimate]], notes: Sequence[str]
@@ -69,6 +74,7 @@ class Scores:
             "holdout": self.errors[Use.HOLDOUT],
             "unseen": self.errors[Use.UNSEEN],
             "covered": self.covered,
+            "error_by_value": self.by_value,
             "per_run": {**per_run, **self.per_run},
             "notes": (*notes, *self.notes),
         }
@@ -138,15 +144,21 @@ def scores_of(
     runs = (*base.measured, *held_out)
     late = [base.problem.places.lateness(vector) for vector in (vectors[0], *vectors)]
     replays = replay(runs, models, noise, lambda done: progress("replay", done), own, late)
+    replays, jumps = ended_at_jumps(replays, noise)
+    notes += jumps
+    until = {item.run: item.until for item in replays}
+    ended = [item.ended(until.get(item.run.name, math.inf)) for item in held_out]
     errors: dict[Use, dict[str, ChannelError]] = {}
     for use in Use:
         mine = [item for item in replays if item.use is use]
-        before, after = _over_windows(dataset, base, use, held_out, vectors, (own[1], own[2]))
+        before, after = _over_windows(dataset, base, use, ended, vectors, (own[1], own[2]))
         errors[use] = replay_errors(mine, floors(noise), (before, after))
         notes += replay_notes(mine, errors[use])
     per_run = {item.run: item.estimates for item in parts[-1] if item.estimates}
     covered = covered_ranges(base.measured, noise, errors[Use.TRAIN], dataset.source)
-    return Scores(errors, replays, per_run, covered, tuple(dict.fromkeys(notes)))
+    notes += beyond_notes(replays, covered, noise)
+    by_value = errors_by_value(replays, covered)
+    return Scores(errors, replays, per_run, covered, tuple(dict.fromkeys(notes)), by_value)
 
 
 def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem | None:

@@ -11,6 +11,7 @@ Both errors are kept.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -58,6 +59,7 @@ class Replay:
         moved: channel -> root mean square change by one standard deviation of the start, SI, of the
             last model.
         units: SI units of channels that eha_bench does not know.
+        until: s from which on nothing is compared.
     """
 
     run: str
@@ -71,6 +73,7 @@ class Replay:
     predicted: tuple[Columns, ...]
     moved: Mapping[str, float]
     units: Mapping[str, str] = field(default_factory=dict)
+    until: float = math.inf
 
     def unit(self, channel: str) -> str:
         """Return the SI unit of a channel."""
@@ -89,7 +92,8 @@ class Replay:
 
     def _error(self, channel: str, values: Columns) -> FloatArray:
         measured, other = self.measured[channel], values[channel]
-        return np.where(np.isfinite(other), measured - other, measured + np.inf)
+        error = np.where(np.isfinite(other), measured - other, measured + np.inf)
+        return np.where(self.time < self.until, error, np.nan)
 
 
 def replay(
