@@ -24,7 +24,7 @@ def _part(repository: Path, shared_data: Path, tmp_path: Path) -> Path:
     example, logs = repository / "examples" / "so101" / "rotation", shared_data / "so101"
     path = tmp_path / "dataset.yaml"
     fitted = "".join(
-        f"  - {{log: '{logs / name}.csv', to: 20 s, use: train}}\n"
+        f"  - {{log: '{logs / name}.csv', to: 12 s, use: train}}\n"
         for name in ("multisine", "step_response", "prbs_excitation")
     )
     path.write_text(
@@ -35,7 +35,7 @@ def _part(repository: Path, shared_data: Path, tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow(122)
+@pytest.mark.slow(77)
 def test_a_real_servo_is_diagnosed_and_predicts_another_kind_of_motion(
     cli, repository: Path, shared_data: Path, tmp_path: Path
 ) -> None:
