@@ -30,6 +30,10 @@ inputs:   {current_command: motor.current}
 channels: {motor_speed: shaft.speed, pressure_a: chamber_a.pressure, piston_position: rod.position}
 """
 SERVO = "  loop: {kind: position_servo, on: shaft, motor: motor, proportional: 6 A/rad}\n"
+LINKAGE = (
+    "  linkage: {{kind: knee_linkage, on: rod, to: shaft, link_a: 0.3 m, link_b: 0.05 m, "
+    "link_c0: 0.3 m{}}}\n"
+)
 GAS = "  gas: {kind: accumulator, on: chamber_a, precharge: 3 bar, gas_volume: 1 l}\n"
 
 # what is changed, into what, line and key that the message names, and what it says
@@ -43,6 +47,14 @@ MISTAKES = {
     ),
     "kind of element that is not a name": (
         "kind: pump", "kind: [pump]", 10, "elements.pump.kind", "there is no kind",
+    ),
+    "element that needs what another one is declared without": (
+        "  seals:", LINKAGE.format(", cylinder: cylinder") + "  seals:", 11, "elements.cylinder",
+        "'linkage' (knee_linkage) needs 'volume_a' of 'cylinder', which is declared without it",
+    ),
+    "element that needs another one and names none": (
+        "  seals:", LINKAGE.format("") + "  seals:", 13, "elements.linkage",
+        "needs 'volume_a' of an element that it does not name; name it: `cylinder: ...`",
     ),
     "unknown kind of node": (
         "kind: rotation", "kind: rotatoin", 3, "nodes.shaft.kind", "did you mean 'rotation'",

@@ -60,7 +60,7 @@ def calibrate(
 ) -> None:
     """Estimate a model's parameters, with intervals.
 
-    Those under `calibrate` in the dataset; what its recordings do not determine is named.
+    Those under `calibrate` in the model; what the dataset's recordings do not determine is named.
     """
     from eha_bench.diagnosis.calibrate import calibrate as estimate
     from eha_bench.report.diagnosis_text import no_interval

@@ -17,10 +17,10 @@ from eha_bench.core.interruption import Interruption, checkpoints, signals_raise
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import ProgressHook, live_progress
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
+from eha_bench.diagnosis.ended_runs import baseline_up_to_jumps
 from eha_bench.diagnosis.fit.baseline import (
     Baseline,
     CalibrationInterrupted,
-    calibrated_baseline,
     no_progress,
 )
 from eha_bench.diagnosis.fit.convergence import Convergence, moved_notes
@@ -186,7 +186,7 @@ def _calibrate(loaded: Dataset, out: str | Path | None, progress: ProgressHook) 
     with one_thread_of_algebra(), Interruption() as asked:
         try:
             with checkpoints(asked):
-                base = calibrated_baseline(loaded, progress)
+                base = baseline_up_to_jumps(loaded, progress)
         except CalibrationInterrupted as stop:
             base, complete = stop.baseline, False
         groups = groups_of(base.problem)

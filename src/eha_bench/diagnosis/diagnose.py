@@ -16,11 +16,8 @@ from eha_bench.core.progress import ProgressHook, live_progress
 from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.diagnosis.conclusion import Conclusion
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.fit.baseline import (
-    CalibrationInterrupted,
-    calibrated_baseline,
-    no_progress,
-)
+from eha_bench.diagnosis.ended_runs import baseline_up_to_jumps
+from eha_bench.diagnosis.fit.baseline import CalibrationInterrupted, no_progress
 from eha_bench.diagnosis.fit.effort import count_simulated_time
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
 from eha_bench.diagnosis.fit.thresholds import DEFAULT, Thresholds
@@ -69,10 +66,10 @@ def diagnose(
         live("calibrate", 0.0)
         try:
             with checkpoints(asked), fits_by(workers):
-                base, interrupted = calibrated_baseline(loaded, live), False
+                base, interrupted = baseline_up_to_jumps(loaded, live), False
         except CalibrationInterrupted as stop:
             base, interrupted = stop.baseline, True
-        conclusion = Conclusion(loaded, base, out, live, thresholds)
+        conclusion = Conclusion(base.dataset, base, out, live, thresholds)
         conclusion.keep(complete=False)
         try:
             found = conclusion.interrupted() if interrupted else conclusion.whole(asked, workers)

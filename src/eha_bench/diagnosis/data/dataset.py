@@ -20,6 +20,7 @@ from eha_bench.core.shipped import by_name
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import ErrorAt, Real, StrictModel
+from eha_bench.diagnosis.data.channel_units import check_units
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.model import Model, model_from, parse_parameter
 from eha_bench.plants.plant import Plant
@@ -124,6 +125,7 @@ class Run:
         parameters: plant's parameter -> value that it has in this run, SI.
         own: parameter that is estimated for this run alone -> its place in a vector of parameters,
             behind those of the layout.
+        until: s from the first sample from which on no reading is compared.
     """
 
     name: str
@@ -136,6 +138,7 @@ class Run:
     parameters: Mapping[str, float] = field(default_factory=dict)
     own: Mapping[str, int] = field(default_factory=dict)
     by_topic: Callable[[], tuple[Recording, ...]] | None = None
+    until: float = math.inf
 
     def read(self) -> Recording:
         """Read the recording.
@@ -288,6 +291,8 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
                     by_topic=None if computed else _topics_reader(part, fewest),
                 )
             )
+    for path_of_map in dict.fromkeys(run.channels for run in runs if run.channels is not None):
+        check_units(path_of_map, model.plant)
     if not any(run.use is Use.TRAIN for run in runs):
         raise InputError(
             "no run is for training", where=place("runs"), hint="give at least one `use: train`"

@@ -130,9 +130,10 @@ def gather(
     )
     for run, recording in zip(runs, recordings, strict=True):
         try:
-            measured.append(
-                admit(run, recording, dataset.inputs, compared, restful=restful, roles=plant.roles)
+            item = admit(
+                run, recording, dataset.inputs, compared, restful=restful, roles=plant.roles
             )
+            measured.append(item.ended(run.until))
         except RecordingError as error:
             unread.append(error)
     if unread and not measured:

@@ -202,17 +202,18 @@ def ended_at_jumps(
     for item in replays:
         jump = delay_jump(item, floors)
         if jump is not None:
-            notes.append(_note(item, jump))
+            notes.append(jump_note(item, jump, "its errors are counted"))
         found.append(item if jump is None else replace(item, until=jump.time))
     return tuple(found), tuple(notes)
 
 
-def _note(item: Replay, jump: DelayJump) -> str:
+def jump_note(item: Replay, jump: DelayJump, what: str) -> str:
+    """Say where a run's delay jumps, by how much, and what happens up to there."""
     unit = item.unit(jump.channel)
     word = "later" if jump.later > 0.0 else "earlier"
     return (
         f"{item.run}: from {jump.time:.4g} s on the readings follow the model "
         f"{1e3 * abs(jump.later):.3g} ms {word} than before (shifted by that, '{jump.channel}' "
-        f"errs by {jump.shifted:.3g} {unit} instead of {jump.error:.3g}): its errors are "
-        "counted up to there; look at the bus and the log's clock"
+        f"errs by {jump.shifted:.3g} {unit} instead of {jump.error:.3g}): {what} up to there; "
+        "look at the bus and the log's clock"
     )

@@ -56,7 +56,8 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
 
 KIND = ElementKind(
     id="knee_linkage",
-    summary="Two links and a cylinder that turns the joint between them.",
+    summary="Two links and a cylinder that turns the joint between them, at a length of "
+    "`link_c0` + `volume_a` / `area_a` of the cylinder + the rod's position.",
     ports=(Port("on", (NodeKind.TRANSLATION,)), Port("to", (NodeKind.ROTATION,))),
     parameters=(_A, _B, _C0),
     anatomy=_anatomy,

@@ -1,4 +1,4 @@
-"""A valve that limits a pressure: it lets oil out above its setting.
+"""A valve that limits a pressure: it opens where one side lies above the other by its setting.
 
     q = G max(0, p_from - p_to - p_r)
 
@@ -32,7 +32,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
 
 KIND = ElementKind(
     id="relief_valve",
-    summary="A valve that lets oil out above its setting.",
+    summary="A valve that lets oil out where `from` lies above `to` by more than its setting.",
     ports=(Port("from", HYDRAULIC), Port("to", HYDRAULIC)),
     parameters=(_CONDUCTANCE, _SETTING),
     anatomy=_anatomy,

@@ -936,7 +936,9 @@ def _anything(system: System) -> Iterator[Spot]:
                 {"added": (Hook(f"net:{item.name}"),), "level": (Hook(f"dry:{item.name}"),)},
                 {
                     "additive": pumped if turns else ("time", *own),
-                    "friction": pumped if turns else ("time", own[0], "pressure_sum", *logged),
+                    "friction": pumped
+                    if turns
+                    else ("time", own[0], "pressure_sum", *logged, "oil_temperature"),
                 },
                 0.1 * usual_effort(system, item),
             )

@@ -708,6 +708,7 @@ class System:
             return found
         if name == "t":
             return "t"
+        self._refuse_missing_of_other(part, name)
         raise PluginError(
             f"the element kind '{part.element.kind.id}' asks for '{name}', which it does not have",
             hint=f"it has: {', '.join(self._argument_names(part, extra))}",
@@ -751,6 +752,29 @@ class System:
                 hint="add `stroke: [low, high]` to the node",
             )
         return end
+
+    def _refuse_missing_of_other(self, part: BoundElement, name: str) -> None:
+        """Refuse an element that needs of another one what that was declared without.
+
+        Raises:
+            InputError: at the other one, or where none is named at the element itself.
+        """
+        for key in part.element.kind.refers:
+            if not name.startswith(f"{key}_"):
+                continue
+            needed, other = name[len(key) + 1 :], part.element.refers.get(key)
+            what = f"'{part.name}' ({part.element.kind.id}) needs '{needed}' of "
+            if other is None:
+                raise InputError(
+                    f"{what}an element that it does not name",
+                    where=self._locate("elements", part.name),
+                    hint=f"name it: `{key}: ...`",
+                )
+            raise InputError(
+                f"{what}'{other}', which is declared without it",
+                where=self._locate("elements", other),
+                hint=f"declare '{other}' with `{needed}: ...`",
+            )
 
     def _of_other(self, part: BoundElement, name: str) -> str | None:
         """Return the expression of a parameter of an element that is referred to, None for none."""

@@ -1,0 +1,65 @@
+"""Calibrates on training runs up to where their delay jumps.
+
+What follows a jump of a run's delay (`delay_jump`) tells of a bus or a clock. Fitted, it hides what
+is missing elsewhere: eight seconds of 540 were a quarter of the cost of a servo's calibration, and
+friction then explained a tenth of it where it explains two thirds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.data.dataset import Dataset
+from eha_bench.diagnosis.fit.baseline import (
+    Baseline,
+    CalibrationInterrupted,
+    calibrated_baseline,
+    no_progress,
+)
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
+from eha_bench.diagnosis.outcome.revise import revised_model
+from eha_bench.diagnosis.replay.delay_jump import DelayJump, delay_jump, jump_note
+from eha_bench.diagnosis.replay.replay import replay
+
+_LOUD: Final = 1.5
+"""Cost over that of the noise from which a jump may be hidden in it."""
+
+
+def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
+    """Calibrate; where the delay of a training run jumps, once more with that run up to there.
+
+    Raises:
+        InputError: nothing to calibrate with.
+        CalibrationInterrupted: Ctrl-C once the data were read.
+    """
+    base = calibrated_baseline(dataset, progress)
+    if base.fit.cost < _LOUD * SOFT_MEAN * base.problem.size:
+        return base
+    try:
+        jumps, notes = _jumps(base)
+    except KeyboardInterrupt as stop:
+        raise CalibrationInterrupted(base) from stop
+    if not jumps:
+        return base
+    runs = tuple(
+        replace(run, until=jumps[run.name].time) if run.name in jumps else run
+        for run in dataset.runs
+    )
+    again = calibrated_baseline(replace(dataset, runs=runs), progress)
+    return replace(again, notes=(*again.notes, *notes))
+
+
+def _jumps(base: Baseline) -> tuple[Mapping[str, DelayJump], tuple[str, ...]]:
+    """Return the training runs whose delay jumps, and a sentence on each."""
+    found, notes = {}, []
+    places, noise, vector = base.problem.places, base.problem.noise, base.fit.vector
+    model = revised_model(base.dataset.model, vector, base.keys)
+    own, late = places.values(vector), places.lateness(vector)
+    for item in replay(base.measured, (model,), noise, own=(own,), lateness=(late,)):
+        if (jump := delay_jump(item, noise)) is not None:
+            found[item.run] = jump
+            notes.append(jump_note(item, jump, "it is fitted"))
+    return found, tuple(notes)

@@ -1,0 +1,59 @@
+"""Training runs that are fitted up to a jump of their delay."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from drive_data import write_drive
+
+from eha_bench.diagnosis.calibrate import calibrate
+from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.ended_runs import baseline_up_to_jumps
+
+LATER, SINCE = 0.05, 14.0
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive whose readings come 50 ms later from 14 s on, in the run that is fitted."""
+    folder = tmp_path_factory.mktemp("late")
+    path = write_drive(folder, friction=0.0, seconds=20.0)
+    log = folder / "train.csv"
+    table = np.loadtxt(log, delimiter=",", skiprows=1)
+    delayed = table.copy()
+    for column in (2, 3):
+        delayed[:, column] = np.interp(table[:, 0] - LATER, table[:, 0], table[:, column])
+    table[table[:, 0] >= SINCE] = delayed[table[:, 0] >= SINCE]
+    np.savetxt(log, table, "%.9g", ",", header="t,r,x,u", comments="")
+    return path
+
+
+def test_the_run_is_fitted_up_to_there(late: Path) -> None:
+    base = baseline_up_to_jumps(load_dataset(late))
+    (note,) = (item for item in base.notes if "later than before" in item)
+    assert "train: from 14" in note
+    assert "it is fitted up to there" in note
+    (measured,) = base.measured
+    assert measured.valid[measured.time < SINCE - 0.5].all()
+    assert not measured.valid[measured.time > SINCE + 0.5].any()
+    assert base.dataset.training[0].until == pytest.approx(SINCE, abs=0.3)
+
+
+def test_parameters_are_those_of_the_machine(late: Path) -> None:
+    """The mass of 93 kg and the friction of 200 N*s/m that the log was made with."""
+    found = calibrate(late)
+    assert found.parameters["mass"].value == pytest.approx(93.0, rel=0.02)
+    assert found.parameters["viscous_friction"].value == pytest.approx(200.0, rel=0.05)
+    error = found.holdout["piston_position"]
+    assert error.after < 1.5 * error.noise_floor
+
+
+def test_a_run_that_fits_is_not_looked_at(tmp_path: Path) -> None:
+    base = baseline_up_to_jumps(load_dataset(write_drive(tmp_path, friction=0.0)))
+    assert base.dataset.training[0].until == float("inf")
