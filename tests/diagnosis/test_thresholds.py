@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -50,6 +50,19 @@ def test_when_something_is_missing(
     rest = Rest(1.0, 1000, significance, {}, bursts)
     assert DEFAULT.is_unexplained(rest) is unexplained
     assert DEFAULT.is_worth_a_look(rest) is look
+
+
+def test_what_was_enough_stays_where_the_noise_is_told_otherwise() -> None:
+    """A valve that opened in one of four runs: 98.4 % of the excess, then 94.9 %."""
+    before = Improvement(8.1e4, 8.3e4, 0.984, 1.007, 5.7e-3, 1.0, 0.983)
+    now = Improvement(9.0e4, 9.3e4, 0.949, 0.977, 7.1e-3, 1.0, 0.948)
+    assert DEFAULT.allow(before)
+    assert not DEFAULT.allow(now)
+    assert DEFAULT.still_allow(now, before)
+    assert not DEFAULT.still_allow(now, now), "it was never enough"
+    assert not DEFAULT.still_allow(replace(now, p_value=0.2), before), "chance"
+    assert not DEFAULT.still_allow(replace(now, share=0.4), before), "most is left"
+    assert not DEFAULT.still_allow(replace(now, gain=20.0), before), "no gain"
 
 
 def test_a_chance_gains_more_where_nothing_explains_what_is_left() -> None:

@@ -248,6 +248,19 @@ class Thresholds:
         plain = min(found.gain, found.gain_out) > self.plain
         return found.p_value < (self.p_few if all_of_it and plain else self.p_value)
 
+    def still_allow(self, found: Improvement, before: Improvement) -> bool:
+        """Whether what gained enough stays where the noise is told otherwise.
+
+        The excess changes with the noise, and a share of it that was just enough may just not be.
+
+        Args:
+            found: by the noise as it is told now. before: as it was told.
+        """
+        if self.allow(found) or not self.allow(before):
+            return self.allow(found)
+        most = min(found.share, found.share_out) > self.explained
+        return most and found.gain > self.gain and found.p_value < self.p_few
+
     def least_gain(self, left: Excess) -> float:
         """Return the least fall of the cost that is no chance, among what nothing explains.
 

@@ -37,6 +37,7 @@ from eha_bench.diagnosis.replay.delay_jump import ended_at_jumps
 from eha_bench.diagnosis.replay.error_by_value import ErrorByValue, beyond_notes, errors_by_value
 from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
+    bent_notes,
     floors,
     replay_errors,
     replay_notes,
@@ -45,6 +46,8 @@ from eha_bench.diagnosis.replay.errors_by_channel import (
 from eha_bench.diagnosis.replay.replay import Replay, replay
 from eha_bench.plants.model import Model
 from eha_bench.posterior.covered import Covered
+
+_NEVER_FITTED = {Use.HOLDOUT: "held-out", Use.UNSEEN: "unseen"}
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,8 @@ def scores_of(
         before, after = _over_windows(dataset, base, use, ended, vectors, (own[1], own[2]))
         errors[use] = replay_errors(mine, floors(noise), (before, after))
         notes += replay_notes(mine, errors[use])
+        if use is not Use.TRAIN:
+            notes += bent_notes(errors[use], _NEVER_FITTED[use])
     per_run = {item.run: item.estimates for item in parts[-1] if item.estimates}
     covered = covered_ranges(base.measured, noise, errors[Use.TRAIN], dataset.source)
     notes += beyond_notes(replays, covered, noise)

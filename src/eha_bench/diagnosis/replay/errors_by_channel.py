@@ -21,6 +21,8 @@ from eha_bench.diagnosis.replay.replay import Replay
 
 _MOVED = 2.0
 _ADDED_UP = 3.0
+_BENT = 1.5
+"""Error over the declared model's from which what was calibrated has been bent."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,31 @@ def replay_notes(replays: Sequence[Replay], errors: Mapping[str, ChannelError]) 
                 f"{name}: small errors add up over whole runs, to {error.after:.3g} "
                 f"{error.unit}; over short windows it is {error.after_windows:.3g} {error.unit}"
             )
+
+
+def bent_notes(errors: Mapping[str, ChannelError], runs: str) -> Iterator[str]:
+    """Say where the last model is much worse than the declared one, the worst channel alone.
+
+    What is missing bends the parameters that are fitted without it, and runs that were not fitted
+    show it.
+
+    Args:
+        errors: of runs that were never fitted. runs: their kind, in words.
+    """
+    worse = [
+        (item.after / item.uncalibrated, name, item)
+        for name, item in errors.items()
+        if isfinite(item.after)
+        and item.after > _BENT * item.uncalibrated > 0.0
+        and item.after > _BENT * item.replay_floor
+    ]
+    if worse:
+        ratio, name, item = max(worse, key=lambda found: found[:2])
+        yield (
+            f"CAUTION: on {runs} runs the fitted model errs {ratio:.3g} times as much as the "
+            f"declared one in '{name}' ({item.after:.3g} for {item.uncalibrated:.3g} {item.unit}): "
+            "what is missing has bent its parameters"
+        )
 
 
 def rms_by_channel(problem: Problem, vector: FloatArray) -> dict[str, float]:

@@ -35,7 +35,7 @@ def refitted_search(search: Search, problem: Problem, fit: Fit) -> Search:
     for item in list(found.effects):
         trial = without(found, item)
         seen = compare(trial, found.fit, found.groups, excess(problem, trial).total)
-        if search.thresholds.allow(seen):
+        if search.thresholds.still_allow(seen, item.comparison):
             found.accepted = [
                 replace(own, comparison=seen) if own is item else own for own in found.accepted
             ]

@@ -1,0 +1,38 @@
+"""A fitted model that is worse than the declared one on runs that were never fitted."""
+
+import math
+
+import pytest
+
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError, bent_notes
+
+# a rod whose friction fell with the oil's temperature, which nobody had declared
+BENT = ChannelError(17.0, 102.0, 93.0, 1.5, "rpm")
+
+
+def test_it_is_said_with_both_errors() -> None:
+    (note,) = bent_notes({"motor_speed": BENT}, "held-out")
+    assert note.startswith("CAUTION: on held-out runs the fitted model errs 5.47 times as much")
+    assert "'motor_speed' (93 for 17 rpm)" in note
+
+
+def test_only_the_worst_channel_is_named() -> None:
+    other = ChannelError(1.0, 2.0, 2.0, 0.1, "Pa")
+    (note,) = bent_notes({"a": other, "motor_speed": BENT}, "unseen")
+    assert "motor_speed" in note
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ChannelError(17.0, 5.0, 3.0, 1.5, "rpm"),
+        ChannelError(17.0, 20.0, 20.0, 1.5, "rpm"),
+        ChannelError(1.0, 2.0, 2.0, 1.5, "rpm"),
+        ChannelError(0.0, 2.0, 2.0, 0.1, "rpm"),
+        ChannelError(math.inf, math.inf, math.inf, 0.1, "rpm"),
+        ChannelError(math.nan, math.nan, math.nan, 0.1, "rpm"),
+    ],
+    ids=["better", "a little worse", "in the noise", "exact", "diverges", "nothing measured"],
+)
+def test_nothing_is_said_otherwise(error: ChannelError) -> None:
+    assert not list(bent_notes({"motor_speed": error}, "held-out"))
