@@ -147,11 +147,7 @@ def _one(
         replace(measured.knowing(item.get(measured.run.name, {})), lateness=clocks)
         for item, clocks in zip(given, late, strict=True)
     ]
-    own = _with_difference(
-        {name: column for name in measured.outputs
-         if (column := measured.column(name)) is not None},
-        measured.roles.pair,
-    )  # fmt: skip
+    own = _read_columns(measured)
     starts = [first_state(run, model) for run, model in zip(runs, models, strict=True)]
     started = [
         _simulate(run, model, start, STEP)
@@ -177,19 +173,44 @@ def _one(
         _from_best_start(run, model, start, values, own, noise) if loose else values
         for run, model, start, values in zip(runs, models, starts, started, strict=True)
     ]
+    return _replay_of(measured, own, simulated, predicted, moved, models[-1])
+
+
+def rough_replay(
+    measured: Measured, model: Model, own: OwnValues, lateness: Mapping[str, float]
+) -> Replay:
+    """Replay one run quickly, from its first sample as it is and at a coarse step.
+
+    Args:
+        measured: the run; it has something to compare. model: as fitted.
+        own: runs' own parameters. lateness: clock -> s by which its stamps are late.
+    """
+    known = own.get(measured.run.name, {})
+    run = replace(measured.knowing(known), lateness=lateness)
+    values = (_simulate(run, model, first_state(run, model), COARSE),)
+    return _replay_of(measured, _read_columns(measured), values, values, {}, model)
+
+
+def _read_columns(measured: Measured) -> Columns:
+    """Return what a run's sensors read, P1 - P2 included, NaN where it may not be believed."""
+    columns = {name: measured.column(name) for name in measured.outputs}
+    read = {name: column for name, column in columns.items() if column is not None}
+    return _with_difference(read, measured.roles.pair)
+
+
+def _replay_of(
+    measured: Measured,
+    read: Columns,
+    simulated: Sequence[Columns],
+    predicted: Sequence[Columns],
+    moved: Mapping[str, float],
+    model: Model,
+) -> Replay:
+    run = measured.run
     return Replay(
-        measured.run.name,
-        measured.run.use,
-        measured.run.locked,
-        measured.run.bypass_open,
-        measured.time,
-        measured.inputs,
-        own,
-        tuple(simulated),
-        tuple(predicted),
-        moved,
-        models[-1].plant.units,
-    )
+        run.name, run.use, run.locked, run.bypass_open, measured.time, measured.inputs, read,
+        tuple(simulated), tuple(predicted), moved, model.plant.units,
+    )  # fmt: skip
 
 
 def _with_lost_inputs(
