@@ -157,9 +157,12 @@ def test_a_refit_that_gains_less_than_was_predicted_goes_on(
         (60.0, -1.0, 1.0, False),
         # above the noise only resampling decides, here a probability of 0.4
         (20.0, 9.0, 1.3, True),
+        # far above it nothing sure within a twentieth decides, and more than that still does
+        (49.0, 40.0, 2.5, True),
+        (51.0, 40.0, 2.5, False),
     ],
 )
-def test_another_is_as_good_where_runs_left_out_do_not_prefer_the_chosen_one(
+def test_another_is_as_good_where_the_data_do_not_prefer_the_chosen_one(
     search: Search,
     monkeypatch: pytest.MonkeyPatch,
     behind: float,
@@ -170,7 +173,9 @@ def test_another_is_as_good_where_runs_left_out_do_not_prefer_the_chosen_one(
     monkeypatch.setattr(
         equivalent,
         "compare",
-        lambda *_: replace(GAINED, gain=behind, gain_out=gain_out, p_value=0.4),
+        lambda *_: replace(
+            GAINED, gain=behind, gain_out=gain_out, p_value=1e-9 if left > 2.0 else 0.4
+        ),
     )
     noise = SOFT_MEAN * search.fit.residual.size
     chosen = replace(search.fit, cost=left * noise)

@@ -8,6 +8,8 @@ from eha_bench.diagnosis.search.state import Search
 
 _AT_NOISE = 1.01
 """Cost over the noise's up to which a likelihood ratio holds."""
+_FAR = 2.0
+"""Cost over the noise's from which no form is right, and which is nearer says little."""
 _TIED, _TIED_AT_NOISE = 0.03, 0.003
 """Share of the best one's gain by which a tie may be behind, and of the rows: what is left of the
 noise's size is left to be explained by something else."""
@@ -27,6 +29,8 @@ def is_as_good(search: Search, other: Fit, chosen: Fit, gain: float) -> bool:
 
     A likelihood ratio of two models holds where one of them is right; where declared forms are off
     by less than the noise, neither is, and one that is no better on runs left out is not better.
+    Far above the noise, as of measured machines, something else is missing in both: there they are
+    as good where they explain the same to a few per cent (`behind_share`), however sure that is.
 
     Args:
         search: its rows are resampled and left out. other: with another candidate.
@@ -38,6 +42,8 @@ def is_as_good(search: Search, other: Fit, chosen: Fit, gain: float) -> bool:
         return True
     if behind.gain >= limits.behind_share * gain:
         return False
+    if chosen.cost > _FAR * SOFT_MEAN * chosen.residual.size:
+        return True
     # down at the noise the likelihood ratio holds; above it only resampling does
     at_noise = chosen.cost < _AT_NOISE * SOFT_MEAN * chosen.residual.size
     return behind.gain_out <= 0.0 if at_noise else behind.p_value > limits.chance
