@@ -50,7 +50,7 @@ def unknown_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("found", "status", "says"),
     [
-        (effect_found(), "warned", "lacks entrained air"),
+        (effect_found(), "warned", "lacks entrained air or external leakage (in the flow"),
         (nothing_found(), "passed", "Nothing is missing"),
         (unknown_found(), "undecided", "unknown acts in the actuation and depends on time"),
         (interrupted(), "incomplete", "remains open"),

@@ -15,7 +15,10 @@ def text_of(html: str) -> str:
 
 def test_a_diagnosis_shows_what_was_found_and_the_errors_in_units() -> None:
     html = effect_found()._repr_html_()
-    assert "The model lacks entrained air (in the flow balances of the chambers)" in html
+    assert (
+        "The model lacks entrained air or external leakage (in the flow balances of the chambers)"
+        in html
+    )
     assert "<td>air_fraction</td><td>0.02500</td><td>0.02490 … 0.02510</td>" in html
     assert "<td>Pressure A / MPa</td><td>0.500</td><td>0.0310</td><td>0.0300</td>" in html
     assert NASTY not in html

@@ -82,13 +82,23 @@ def _verdict(found: Diagnosis) -> str:
     if found.verdict is Verdict.NONE:
         return "Nothing is missing from the model"
     if found.verdict is Verdict.EFFECT:
-        names = [f"{words_of(item.id)} (in {where(item.equation)})" for item in found.effects]
+        names = [
+            f"{_or_equivalent(item.id, found)} (in {where(item.equation)})"
+            for item in found.effects
+        ]
         return f"The model lacks {_enumeration(names)}"
     if found.unknown is None or found.unknown.equation is None:
         return "Something is missing from the model; what it is remains open"
     on = _enumeration([words_of(name) for name in found.unknown.variables])
     depends = f" and depends on {on}" if on else ""
     return f"Something unknown acts in {where(found.unknown.equation)}{depends}"
+
+
+def _or_equivalent(effect: str, found: Diagnosis) -> str:
+    """Return an effect in words, with what the data cannot distinguish from it."""
+    group = next((group for group in found.equivalent if effect in group), ())
+    others = [words_of(name) for name in group if name != effect]
+    return " or ".join([words_of(effect), *others])
 
 
 def _rests_on(found: Diagnosis) -> str:
