@@ -21,7 +21,7 @@ from eha_bench.diagnosis.fit.baseline import (
 )
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.outcome.revise import revised_model
-from eha_bench.diagnosis.replay.delay_jump import DelayJump, delay_jump, jump_note
+from eha_bench.diagnosis.replay.delay_jump import delay_jump, jump_note
 from eha_bench.diagnosis.replay.replay import rough_replay
 
 _LOUD: Final = 1.5
@@ -39,22 +39,19 @@ def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress)
     if base.fit.cost < _LOUD * SOFT_MEAN * base.problem.size:
         return base
     try:
-        jumps, notes = _jumps(base)
+        ends, notes = _ends(base)
     except KeyboardInterrupt as stop:
         raise CalibrationInterrupted(base) from stop
-    if not jumps:
+    if not ends:
         return base
-    runs = tuple(
-        replace(run, until=jumps[run.name].time) if run.name in jumps else run
-        for run in dataset.runs
-    )
+    runs = tuple(replace(run, until=ends.get(run.name, run.until)) for run in dataset.runs)
     again = calibrated_baseline(replace(dataset, runs=runs), progress)
     return replace(again, notes=(*again.notes, *notes))
 
 
-def _jumps(base: Baseline) -> tuple[Mapping[str, DelayJump], tuple[str, ...]]:
-    """Return the training runs whose delay jumps, and a sentence on each."""
-    found, notes = {}, []
+def _ends(base: Baseline) -> tuple[Mapping[str, float], tuple[str, ...]]:
+    """Return training runs whose delay jumps with the time of the jump, and a sentence on each."""
+    ends, notes = {}, []
     places, noise, vector = base.problem.places, base.problem.noise, base.fit.vector
     model = revised_model(base.dataset.model, vector, base.keys)
     own, late = places.values(vector), places.lateness(vector)
@@ -63,6 +60,6 @@ def _jumps(base: Baseline) -> tuple[Mapping[str, DelayJump], tuple[str, ...]]:
             continue
         item = rough_replay(measured, model, own, late)
         if (jump := delay_jump(item, noise)) is not None:
-            found[item.run] = jump
+            ends[item.run] = jump.time
             notes.append(jump_note(item, jump, "it is fitted"))
-    return found, tuple(notes)
+    return ends, tuple(notes)

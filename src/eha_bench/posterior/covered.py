@@ -8,11 +8,19 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from eha_bench.core.finite import finite_or_none
+from eha_bench.core.trial import Bypass, Piston
 
 _MARGIN: Final = 0.1
 """Part of a recorded range that something may lie outside of it and still count as recorded."""
 _NOISES: Final = 5.0
 """Standard deviations of a channel's noise that do the same."""
+
+
+def setup_of(*, locked: bool, bypass_open: bool) -> tuple[str, str]:
+    """Return how a suite calls the piston and the bypass of a setup."""
+    piston = Piston.LOCKED if locked else Piston.FREE
+    bypass = Bypass.OPEN if bypass_open else Bypass.CLOSED
+    return piston.value, bypass.value
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, Unknown, Verdict
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.report.engineering import (
+    SIGNIFICANT_DIGITS,
     DisplayUnit,
     channel_name,
     decimals_for,
@@ -153,10 +154,10 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
         rows.append(
             ErrorRow(
                 channel_name(name) + (f" / {unit.symbol}" if unit.symbol else ""),
-                _error_text(item.uncalibrated, unit),
-                _error_text(item.before, unit),
-                _error_text(item.after, unit),
-                _error_text(item.noise_floor, unit),
+                error_text(item.uncalibrated, unit),
+                error_text(item.before, unit),
+                error_text(item.after, unit),
+                error_text(item.noise_floor, unit),
                 times_floor if math.isfinite(ratio) else _NOTHING,
                 amount(item.after_windows, item.unit) if apart else "",
                 item.after > 1.05 * item.before,
@@ -165,14 +166,14 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
     return tuple(rows)
 
 
-def _error_text(value: float, unit: DisplayUnit) -> str:
-    """Write an error in a unit that stands elsewhere, with three digits."""
+def error_text(value: float, unit: DisplayUnit, digits: int = 3) -> str:
+    """Write an error in a unit that stands elsewhere."""
     if math.isinf(value):
         return "diverges"
     if not math.isfinite(value):
         return _NOTHING
     shown = unit.difference(value)
-    return number(shown, max(0, decimals_for(shown) - 1))
+    return number(shown, max(0, decimals_for(shown) - (SIGNIFICANT_DIGITS - digits)))
 
 
 def amount(value: float, si: str) -> str:

@@ -9,6 +9,7 @@ from itertools import groupby
 from typing import Final
 
 from eha_bench.diagnosis.replay.error_by_value import ErrorBin, ErrorByValue
+from eha_bench.report.diagnosis_text import error_text
 from eha_bench.report.engineering import (
     DisplayUnit,
     channel_name,
@@ -18,6 +19,7 @@ from eha_bench.report.engineering import (
 )
 
 _NOTHING: Final = "\N{EN DASH}"
+_DIGITS: Final = 2
 _SHADES: Final = (2.0, 4.0, 8.0, 16.0)
 """Noise floors from which on a cell has the next shade."""
 
@@ -69,7 +71,7 @@ def error_tables(
         floor = floors.get(name, math.nan)
         unit = display_unit(own[0].unit, errors)
         rows = tuple(_row(item, unit, floor) for item in own)
-        table = ErrorTable(channel_name(name), unit.symbol, _text(floor, unit), rows)
+        table = ErrorTable(channel_name(name), unit.symbol, error_text(floor, unit, _DIGITS), rows)
         found.append((max(errors) / floor if floor > 0.0 else 0.0, table))
     return tuple(table for _, table in sorted(found, key=lambda item: -item[0]))
 
@@ -91,17 +93,10 @@ def _cell(part: ErrorBin | None, unit: DisplayUnit, by: DisplayUnit, floor: floa
         return ErrorCell(_NOTHING, "", 0, fitted=True)
     shade = sum(part.error > times * floor for times in _SHADES) if floor > 0.0 else 0
     within = _range(part.low, part.high, by)
-    return ErrorCell(_text(part.error, unit), within, shade, part.fitted > 0.0)
+    return ErrorCell(error_text(part.error, unit, _DIGITS), within, shade, part.fitted > 0.0)
 
 
 def _range(low: float, high: float, unit: DisplayUnit) -> str:
     shown = unit.from_si(low), unit.from_si(high)
     digits = max(0, decimals_for(shown[1] - shown[0]) - 1)
     return f"{number(shown[0], digits)} … {number(shown[1], digits)}{unit.suffix}"
-
-
-def _text(value: float, unit: DisplayUnit) -> str:
-    if not math.isfinite(value):
-        return _NOTHING
-    shown = unit.difference(value)
-    return number(shown, max(0, decimals_for(shown) - 2))

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from eha_bench.core.trial import Bypass, Piston
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
-from eha_bench.posterior.covered import Covered, CoveredSetup
+from eha_bench.posterior.covered import Covered, CoveredSetup, setup_of
 
 
 def covered_ranges(
@@ -29,9 +28,8 @@ def covered_ranges(
     setups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
     inputs: dict[str, list[np.ndarray]] = {}
     for item in runs:
-        piston = Piston.LOCKED if item.run.locked else Piston.FREE
-        bypass = Bypass.OPEN if item.run.bypass_open else Bypass.CLOSED
-        own = setups.setdefault((piston.value, bypass.value), {})
+        setup = setup_of(locked=item.run.locked, bypass_open=item.run.bypass_open)
+        own = setups.setdefault(setup, {})
         columns = {name: item.values[item.valid[:, k], k] for k, name in enumerate(item.outputs)}
         for name, values in {**columns, **item.inputs}.items():
             if values.size:

@@ -130,7 +130,7 @@ def _jump(item: Replay, simulated: Columns, floors: Mapping[str, float]) -> Dela
     names = [name for name in item.measured if floors.get(name, 0.0) > 0.0]
     if not names or item.time.size < 2:
         return None
-    tick = float(item.time[-1] - item.time[0]) / (item.time.size - 1)
+    tick = item.tick
     longest = round(_LONGEST / tick)
     least = max(round(_SHORTEST / tick), round(_PART * item.time.size))
     inner = item.time[longest : item.time.size - longest]

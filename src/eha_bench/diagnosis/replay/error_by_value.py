@@ -21,10 +21,9 @@ import numpy as np
 
 from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.finite import finite_or_none
-from eha_bench.core.trial import Bypass, Piston
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.replay.replay import Replay
-from eha_bench.posterior.covered import Beyond, Covered, CoveredSetup
+from eha_bench.posterior.covered import Beyond, Covered, CoveredSetup, setup_of
 
 _INNER: Final = 5
 _FEWEST: Final = 10
@@ -104,8 +103,10 @@ def errors_by_value(replays: Sequence[Replay], covered: Covered) -> tuple[ErrorB
     names = sorted({name for item in replays for name in item.measured})
     rows = []
     for name in names:
+        own = [item for item in replays if name in item.measured and item.time.size > 1]
+        errors = [(item, item.errors(name)[-1]) for item in own]
         for by, ends in ranges.items():
-            row = _row(replays, name, by, ends, covered.margin(by, ends))
+            row = _row(errors, name, by, ends, covered.margin(by, ends))
             if row is not None:
                 rows.append(row)
     return tuple(rows)
@@ -126,7 +127,11 @@ def _ranges(covered: Covered) -> dict[str, tuple[float, float]]:
 
 
 def _row(
-    replays: Sequence[Replay], name: str, by: str, ends: tuple[float, float], margin: float
+    errors: Sequence[tuple[Replay, FloatArray]],
+    name: str,
+    by: str,
+    ends: tuple[float, float],
+    margin: float,
 ) -> ErrorByValue | None:
     """Return the error of a channel by the value of another; None where both are in no run."""
     edges = np.linspace(*ends, _INNER + 1)
@@ -134,12 +139,11 @@ def _row(
     seconds, fitted = np.zeros(_INNER + 2), np.zeros(_INNER + 2)
     lowest, highest = ends
     unit = by_unit = ""
-    for item in replays:
+    for item, error in errors:
         value = _values(item, by)
-        if name not in item.measured or value is None or item.time.size < 2:
+        if value is None:
             continue
         unit, by_unit = item.unit(name), item.unit(by)
-        error = item.errors(name)[-1]
         there = np.isfinite(error) & np.isfinite(value)
         where = np.clip(np.digitize(value, edges[1:-1]) + 1, 1, _INNER)
         where[value < ends[0] - margin] = 0
@@ -148,8 +152,8 @@ def _row(
         count = np.bincount(where, minlength=_INNER + 2)
         squares += np.bincount(where, error[there] ** 2, minlength=_INNER + 2)
         counts += count
-        seconds += count * _tick(item)
-        fitted += count * _tick(item) * (item.use is Use.TRAIN)
+        seconds += count * item.tick
+        fitted += count * item.tick * (item.use is Use.TRAIN)
         if there.any():
             lowest = min(lowest, float(value[there].min()))
             highest = max(highest, float(value[there].max()))
@@ -179,10 +183,6 @@ def _values(item: Replay, name: str) -> FloatArray | None:
     return item.inputs.get(name) if found is None else found
 
 
-def _tick(item: Replay) -> float:
-    return float(item.time[-1] - item.time[0]) / (item.time.size - 1)
-
-
 def beyond_notes(
     replays: Sequence[Replay], covered: Covered, floors: Mapping[str, float]
 ) -> Iterator[str]:
@@ -195,7 +195,7 @@ def beyond_notes(
     for item in replays:
         if item.use is Use.TRAIN or item.time.size < 2:
             continue
-        setup = covered.setup(*_setup(item))
+        setup = covered.setup(*setup_of(locked=item.locked, bypass_open=item.bypass_open))
         if setup is None:
             continue
         worst = max(
@@ -218,12 +218,6 @@ def beyond_notes(
             f"and fitted runs went from {beyond.low:.3g} to {beyond.high:.3g}: beyond that the "
             f"model errs by {error:.3g} {unit} in '{name}', within it by {inside:.3g}"
         )
-
-
-def _setup(item: Replay) -> tuple[str, str]:
-    piston = Piston.LOCKED if item.locked else Piston.FREE
-    bypass = Bypass.OPEN if item.bypass_open else Bypass.CLOSED
-    return piston.value, bypass.value
 
 
 def _extremes(item: Replay, setup: CoveredSetup) -> dict[str, tuple[float, float]]:

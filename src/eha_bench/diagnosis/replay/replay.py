@@ -75,6 +75,11 @@ class Replay:
     units: Mapping[str, str] = field(default_factory=dict)
     until: float = math.inf
 
+    @property
+    def tick(self) -> float:
+        """Mean step of its clock, s; it has two samples or more."""
+        return float(self.time[-1] - self.time[0]) / (self.time.size - 1)
+
     def unit(self, channel: str) -> str:
         """Return the SI unit of a channel."""
         return self.units.get(channel, unit_of(channel))
