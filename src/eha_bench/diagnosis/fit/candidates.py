@@ -104,7 +104,9 @@ def effect_starts(layout: Layout, effect: BoundEffect, *, refined: bool = False)
             values = {parameter.name: parameter.default for parameter in effect.parameters}
             values |= point
             values |= {name: float(k) for name, k in zip(open_choices, combination, strict=True)}
-            key = tuple(sorted(values.items()))
+            # what a form does not have tells no two starts apart
+            own = {*words, *(item.name for item in effect.search_parameters(values))}
+            key = tuple((name, value) for name, value in values.items() if name in own)
             if key in seen:
                 continue
             seen.add(key)

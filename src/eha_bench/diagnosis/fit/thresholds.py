@@ -113,7 +113,7 @@ class Thresholds:
         0.02, "gain that is worth a cause there, in the noise's cost", "as `look`"
     )
     together: float = _threshold(
-        0.8,
+        0.7,
         "least part of the excess that two explain that are looked for at once",
         "chosen on blind rigs",
     )

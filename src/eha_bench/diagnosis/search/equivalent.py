@@ -24,6 +24,11 @@ def tie(gain: float, rows: int) -> float:
     return min(_TIED * gain, _TIED_AT_NOISE * rows)
 
 
+def is_far_above_noise(fit: Fit) -> bool:
+    """Whether a fit leaves so much that no form in it is right."""
+    return fit.cost > _FAR * SOFT_MEAN * fit.residual.size
+
+
 def is_as_good(search: Search, other: Fit, chosen: Fit, gain: float) -> bool:
     """Return whether a fit is not worse than the chosen one beyond resampling noise.
 
@@ -42,7 +47,7 @@ def is_as_good(search: Search, other: Fit, chosen: Fit, gain: float) -> bool:
         return True
     if behind.gain >= limits.behind_share * gain:
         return False
-    if chosen.cost > _FAR * SOFT_MEAN * chosen.residual.size:
+    if is_far_above_noise(chosen):
         return True
     # down at the noise the likelihood ratio holds; above it only resampling does
     at_noise = chosen.cost < _AT_NOISE * SOFT_MEAN * chosen.residual.size

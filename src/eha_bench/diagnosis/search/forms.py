@@ -7,8 +7,10 @@ evidence of a second cause, so forms come first.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start, effect_starts
 from eha_bench.diagnosis.fit.evidence import excess
@@ -26,7 +28,10 @@ _FINISHED = 2
 
 
 def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
-    """Return the starts of an effect's other forms, at the place where it acts.
+    """Return the starts of an effect's forms, at the place where it acts.
+
+    Its present form is among them where it has more numbers than its size: these may have run off
+    to where they say nothing (a friction that falls at speeds that no run has reached).
 
     Args:
         layout: of the plant. item: what was added. fit: with it.
@@ -43,8 +48,9 @@ def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
     for start in effect_starts(layout, effect, refined=True):
         settings = dict(start.settings)
         elsewhere = place is not None and settings[place] != fit.vector[place]
-        if not elsewhere and any(settings[at] != fit.vector[at] for at in choices):
-            keys = tuple(key for key in start.keys if key not in held)
+        keys = tuple(key for key in start.keys if key not in held)
+        other = any(settings[at] != fit.vector[at] for at in choices)
+        if not elsewhere and choices and (other or len(keys) > 1):
             found.append(replace(start, keys=keys))
     return found
 
@@ -56,9 +62,8 @@ def held_keys(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
     return {f"{effect.id}.{parameter.name}" for parameter in searched} - {*item.start.keys}
 
 
-def take_best_form(search: Search) -> bool:
-    """Give what was added last its form that fits best; return whether that is another one."""
-    item = search.accepted[-1]
+def take_best_form(search: Search, item: Accepted) -> bool:
+    """Give something that was added its form that fits best; return whether that is another one."""
     if item.start.is_parameter:
         return False
     starts = forms_of(search.problem.plant.layout, item, search.fit)
@@ -66,10 +71,12 @@ def take_best_form(search: Search) -> bool:
         return False
     if any(map(is_swing, starts)):
         starts = with_periods(search, starts, fit_with_item_off(search, item).vector)
-    kept = search.accepted
-    search.accepted = kept[:-1]
+    kept, place = search.accepted, search.accepted.index(item)
+    others = [other for other in kept if other is not item]
+    search.accepted = others
     try:
-        tried = side_by_side(lambda start: (start, _rough(search, item, start)), starts)
+        begin = places(search, item, starts)
+        tried = side_by_side(lambda place: (place[0], _rough(search, item, *place)), begin)
         tried.sort(key=lambda trial: trial[1].cost)
         done = [(start, polish_at_rest(search, fit, [start])) for start, fit in tried[:_FINISHED]]
     finally:
@@ -80,23 +87,41 @@ def take_best_form(search: Search) -> bool:
     found = compared(search, item, fit)
     search.fit = fit
     # what had fitted as well as the other form does not fit as well as this one
-    search.accepted = [*kept[:-1], replace(item, start=start, comparison=found, equivalent=())]
+    others.insert(place, replace(item, start=start, comparison=found, equivalent=()))
+    search.accepted = others
     search.excess_left = excess(search.problem, fit)
     return True
 
 
-def _rough(search: Search, item: Accepted, start: Start) -> Fit:
-    """Return a rough fit of a form, from the size that the other one has or from its own."""
-    index = search.problem.plant.layout.index
-    own = start.apply(search.fit.vector)
-    for key in held_keys(search.problem.plant.layout, item, search.fit):
-        own[index[key]] = search.fit.vector[index[key]]
-    as_found = own.copy()
-    for key in item.start.keys:
-        if key in start.keys:
-            as_found[index[key]] = search.fit.vector[index[key]]
+def places(
+    search: Search, item: Accepted, starts: Sequence[Start]
+) -> list[tuple[Start, FloatArray]]:
+    """Return from where forms are fitted, each place once.
+
+    A form's own size and shape or the present ones, whichever is nearer; and its own shape at the
+    present size.
+    """
+    index, now = search.problem.plant.layout.index, search.fit.vector
     coarse = search.problem.at_step(COARSE)
-    vector = min((own, as_found), key=lambda one: cost_of(coarse, one))
+    held = held_keys(search.problem.plant.layout, item, search.fit)
+    found: dict[bytes, tuple[Start, FloatArray]] = {}
+    for start in starts:
+        own = start.apply(now)
+        for key in held:
+            own[index[key]] = now[index[key]]
+        as_found, sized = own.copy(), own.copy()
+        for key in {*item.start.keys} & {*start.keys}:
+            as_found[index[key]] = now[index[key]]
+        sized[start.strength_at] = now[start.strength_at]
+        nearest = min((own, as_found), key=lambda one: cost_of(coarse, one))
+        for place in (nearest, sized) if len(start.keys) > 1 else (nearest,):
+            found.setdefault(place.tobytes(), (start, place))
+    return [*found.values()]
+
+
+def _rough(search: Search, item: Accepted, start: Start, vector: FloatArray) -> Fit:
+    """Return a rough fit of a form from a place."""
+    coarse = search.problem.at_step(COARSE)
     dropped = {*item.start.keys} - {*start.keys}
     free = tuple(one for one in free_of(search, vector, [start]) if one.key not in dropped)
     known = {key: column for key, column in search.fit.columns.items() if key not in start.keys}

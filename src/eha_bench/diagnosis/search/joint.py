@@ -12,9 +12,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Improvement, compare, excess
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, Improvement, compare, excess
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
+from eha_bench.diagnosis.search.forms import take_best_form
 from eha_bench.diagnosis.search.refit import Near, Nearby, polish_at_rest
 from eha_bench.diagnosis.search.settle import rebase, settle
 from eha_bench.diagnosis.search.state import Accepted, Search, starts_of
@@ -25,6 +26,8 @@ _FINALISTS = 4
 _STARTS = 3
 _PLAUSIBLE = 0.5
 """Share of what the short windows hold that a pair must explain there to be taken further."""
+_MAY_WIN = 0.8
+"""Share of what was found that a pair must explain before forms are tried."""
 _LARGER = 0.4
 """Share of it that the larger of two must explain alone: half, less what both could."""
 
@@ -38,16 +41,19 @@ def joint(search: Search) -> bool:
         best = _best(search)
     finally:
         search.restore(kept)
-    if best is None or best.fit.cost > search.fit.cost - limits.gain:
-        return False
-    left = best.fit.cost - SOFT_MEAN * search.problem.size
-    before = search.excess_base.total
-    if before - left < limits.together * before:
+    if best is None or not _may_win(search, best):
         return False
     search.fit = best.fit
     search.accepted = [Accepted(start, NOT_COMPARED, ()) for start in best.starts]
+    search.excess_left = excess(search.problem, search.fit)
+    for number in range(len(search.accepted)):
+        # each form was chosen before the other effect was there
+        take_best_form(search, search.accepted[number])
+    least = limits.together * search.excess_base.total
+    enough = search.excess_base.total - search.excess_left.total >= least
     found = [_beside(search, item) for item in search.accepted]
-    if not all(limits.allow(item) for item in found):
+    more = search.fit.cost <= kept.fit.cost - limits.gain
+    if not (enough and more and all(limits.allow(item) for item in found)):
         search.restore(kept)
         return False
     search.accepted = [
@@ -57,6 +63,12 @@ def joint(search: Search) -> bool:
     settle(search)
     rebase(search)
     return True
+
+
+def _may_win(search: Search, pair: Nearby) -> bool:
+    """Whether two may explain more than what was found, once each has its best form."""
+    found = search.base.cost - search.fit.cost
+    return search.base.cost - pair.fit.cost > _MAY_WIN * found
 
 
 def _beside(search: Search, item: Accepted) -> Improvement:

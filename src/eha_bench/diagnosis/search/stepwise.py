@@ -66,7 +66,7 @@ def _grow(search: Search, progress: ProgressHook) -> None:
         if (idle := without_idle(search)) is not None:
             drop(search, search.accepted[-1], idle)
             continue
-        if is_worth_a_look(search) and take_best_form(search):
+        if is_worth_a_look(search) and take_best_form(search, search.accepted[-1]):
             settle(search)
             rebase(search)
         review(search)

@@ -19,6 +19,7 @@ from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, compare, e
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.search.equivalent import is_far_above_noise
 from eha_bench.diagnosis.search.exchange import CLOSE, compared
 from eha_bench.diagnosis.search.refit import free_of
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
@@ -32,6 +33,9 @@ _LITTLE_MORE = 1.1
 
 def compare_over_whole_runs(search: Search) -> None:
     """Drop equivalents that whole runs speak against; a rival that they speak for is exchanged."""
+    if search.thresholds.has_structure(search.excess_left) and is_far_above_noise(search.fit):
+        # what leaves as much in windows leaves more over whole runs, and these decide nothing
+        return
     if _contested(search) and (problem := _over_whole_runs(search.problem)) is not None:
         compare_over(search, problem)
 

@@ -57,5 +57,5 @@ EFFECT = Effect(
         "doi:10.1016/0005-1098(94)90209-7"
     ),
     separate="move at several constant speeds both ways: the force jumps where motion reverses",
-    starts=({"friction_force": 1.2},),
+    starts=({"friction_force": 1.2}, {"stribeck_velocity": 0.2, "static_ratio": 2.0}),
 )  # fmt: skip
