@@ -31,6 +31,7 @@ from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.search.left_out_runs import explains_all_runs, search_in_all_runs
 from eha_bench.diagnosis.search.state import Accepted, begin
 from eha_bench.diagnosis.unknown.locator import locate
 
@@ -73,6 +74,8 @@ class Conclusion:
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
                     self.base, self.search = slow, begin(slow, self.search.thresholds)
                     self._decide()
+                if self.decision.verdict is Verdict.NONE and self.base.left_out:
+                    self._decide_with_all_runs()
         except KeyboardInterrupt:
             self.decision = self._decision_so_far()
             return self._assemble(complete=False)
@@ -103,6 +106,26 @@ class Conclusion:
         self.stage = "decide"
         self.refused = prune(self.search)
         self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
+
+    def _decide_with_all_runs(self) -> None:
+        """Look for a cause of what only runs show of which the calibrated model explains nothing.
+
+        What explains such a run, and leaves nothing of the others, is no accident; a log of another
+        machine stays out.
+        """
+        before = self.base, self.search, self.decision, self.refused
+        whole, search = search_in_all_runs(self.base, self.search, self._on_progress)
+        self.base, self.search = whole, search
+        self._decide()
+        found = self.decision.verdict is Verdict.EFFECT
+        if not (found and explains_all_runs(self.search, before[0])):
+            self.base, self.search, self.decision, self.refused = before
+            return
+        note = (
+            f"the calibrated model explains nothing of {', '.join(before[0].left_out)}, "
+            "with what was found it does"
+        )
+        self.decision = replace(self.decision, notes=(*self.decision.notes, note))
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
         """Note a load or a mass whose differences between runs explain what is missing."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -79,6 +79,7 @@ class Baseline:
         nuisance: those of `keys` that the model file does not list.
         notes: what the gate found.
         starts: from how many it was fitted. agreed: how many of them ended at the same cost.
+        left_out: runs of which the model explains nothing, by name.
     """
 
     dataset: Dataset
@@ -90,6 +91,7 @@ class Baseline:
     notes: tuple[str, ...] = field(default=())
     starts: int = 1
     agreed: int = 1
+    left_out: tuple[str, ...] = ()
 
     def at_angles(self, starts: Mapping[str, StartAngle]) -> Baseline:
         """Return the same where runs begin at other angles of the shaft, by name."""
@@ -189,8 +191,14 @@ class CalibrationInterrupted(KeyboardInterrupt):
         self.baseline = baseline
 
 
-def calibrated_baseline(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
+def calibrated_baseline(
+    dataset: Dataset, progress: ProgressHook = no_progress, *, kept: Collection[str] = ()
+) -> Baseline:
     """Fit the parameters under `calibrate`, and nuisance parameters, to all training runs.
+
+    Args:
+        dataset: with the declared model. progress: called with the stage and what is done of it.
+        kept: runs that are fitted also where the model explains nothing of them.
 
     Raises:
         InputError: nothing to calibrate with.
@@ -201,7 +209,7 @@ def calibrated_baseline(dataset: Dataset, progress: ProgressHook = no_progress) 
     best = [dataset.model.vector()]
     try:
         measured, windows = _at_their_angles(dataset, measured, windows, noise)
-        found = _calibrate(dataset, measured, windows, noise, best, progress)
+        found = _calibrate(dataset, measured, windows, noise, best, progress, kept)
     except KeyboardInterrupt as stop:
         with checkpoints(lambda: False):
             reached = _as_far_as(dataset, measured, windows, noise, best[-1])
@@ -216,13 +224,15 @@ def _calibrate(
     noise: dict[str, float],
     best: list[FloatArray],
     progress: ProgressHook,
+    kept: Collection[str],
 ) -> Baseline:
     """Calibrate; the last of `best` is always the best vector so far."""
     plant = dataset.model.plant
     layout = plant.layout
     progress("calibrate", 0.1)
     declared, rough, arrival = _roughly(dataset, windows, noise, best)
-    outliers = outlier_runs(rough, (declared, arrival.fit.residual))
+    found = outlier_runs(rough, (declared, arrival.fit.residual))
+    outliers = {name: channel for name, channel in found.items() if name not in kept}
     if outliers:
         measured = tuple(item for item in measured if item.run.name not in outliers)
         windows = [window for window in windows if window.measured.run.name not in outliers]
@@ -275,6 +285,7 @@ def _calibrate(
         ),
         arrival.tried,
         arrival.agreed,
+        tuple(outliers),
     )
 
 
