@@ -57,8 +57,11 @@ def test_it_is_run_predicted_calibrated_and_diagnosed(cli, flap: Path) -> None:
     cli("run", "suite.yaml", "--out", "run", check=0)
     cli("validate", *FILES, check=0)
     assert "flap_angle" in (flap / "run" / "report.html").read_text()
-    cli("predict", "dataset.yaml", "--model", "truth.yaml", "--out", "predicted", check=0)
+    done = cli("predict", "dataset.yaml", "--model", "truth.yaml", "--out", "predicted", check=0)
     found = json.loads((flap / "predicted" / "prediction.json").read_text())
+    row = next(line for line in done.stderr.splitlines() if "error of" in line)
+    assert row.split()[:3] == ["error", "of", found["runs"][0]["run"]]
+    assert row.split()[-1] in {"µrad", "mrad", "rad", "deg", "m", "mm", "µm"}
     assert found["runs"][0]["error"]["flap_angle"]["unit"] == "rad"
     done = cli("calibrate", "dataset.yaml", "--out", "calibrated", "--json", check=0)
     table = next(line for line in done.stderr.splitlines() if "error, held-out runs" in line)

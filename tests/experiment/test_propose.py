@@ -124,6 +124,22 @@ def test_one_rival_that_is_well_known_leaves_nothing_open(tmp_path: Path):
     assert "nothing is open" in found.sentence
 
 
+@pytest.mark.parametrize(
+    ("equation", "says"),
+    [(None, "was not located"), ("torque", "in the torque balance follows nothing")],
+)
+def test_an_unknown_without_a_model_is_not_planned_for(tmp_path: Path, equation, says):
+    folder = write_question(tmp_path, [rival(*LAG)])
+    file = folder / "diagnosis.json"
+    content = json.loads(file.read_text())
+    unknown = {"equation": equation, "variables": [], "description": ""}
+    file.write_text(json.dumps(content | {"verdict": "unknown", "unknown": unknown}))
+    found = eb.next_experiment(folder)
+    assert found.ending is ProposalEnding.NOTHING_OPEN
+    assert says in found.sentence
+    assert "log more channels" in found.sentence
+
+
 def test_a_wide_interval_is_brought_under_what_is_asked(tmp_path: Path):
     folder = write_question(tmp_path, [rival(*LAG, share=0.3)])
     found = eb.next_experiment(folder, budget=1.0, within=0.1)

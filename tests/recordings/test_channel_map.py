@@ -167,6 +167,9 @@ def test_misspelt_keys_and_channels_are_guessed() -> None:
     assert mapping.strangers() == [
         "channel 'presure_a' is not one that eha-bench knows; did you mean 'pressure_a'?"
     ]
+    # a plant may call its own so
+    assert mapping.knowing(["presure_a"]).strangers() == []
+    assert mapping.knowing(["presure_a"]).read.strangers() == []
 
 
 @pytest.mark.parametrize("rate", ["3 GHz", "0 Hz", "-1 kHz"])

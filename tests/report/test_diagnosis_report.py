@@ -29,7 +29,14 @@ from eha_bench.plants.model import DeclaredEffect
 from eha_bench.report.curve_figure import learned_curve
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.diagnosis_scene import diagnosis_scene
-from eha_bench.report.diagnosis_text import effect_rows, headline, share, times, unknown_place
+from eha_bench.report.diagnosis_text import (
+    effect_rows,
+    headline,
+    share,
+    times,
+    unknown_place,
+    unknown_text,
+)
 from eha_bench.report.error_by_value_table import error_tables
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
@@ -90,6 +97,13 @@ def test_an_unknown_that_follows_nothing_is_not_said_to(tmp_path: Path) -> None:
     page = write_diagnosis_report(tmp_path, found, "dataset.yaml", DECLARED).read_text()
     assert text[1:] in page
     assert "It depends on" not in page
+
+
+def test_a_curve_that_is_left_out_of_the_model_is_said_to_be() -> None:
+    found = unknown_found()
+    assert found.unknown is not None
+    assert "without it" not in unknown_text(found.unknown, found.revised.effects)
+    assert "the revised model is without it" in unknown_text(found.unknown, ())
 
 
 def test_the_place_of_an_unknown_is_named() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from eha_bench.diagnosis.fit.uncertainty import Estimate
     from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FailedStage
     from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+    from eha_bench.diagnosis.replay.prediction import Prediction
 
 Dataset = Annotated[
     Path, typer.Argument(help="dataset.yaml: a model and the recordings it is compared with.")
@@ -47,10 +49,22 @@ def predict(
     for note in (note for item in found for note in item.notes):
         say(note)
     say(f"{len(found)} runs simulated")
+    for cells in columns([*_prediction_rows(found)], right=(2,)):
+        say("  ".join(cells).replace("\N{NO-BREAK SPACE}", " "))
     if json:
         typer.echo((out / SUMMARY).read_text(encoding="utf-8"), nl=False)
     else:
         typer.echo(str(out))
+
+
+def _prediction_rows(found: Sequence[Prediction]) -> Iterator[tuple[str, str, str]]:
+    """Yield run, channel and error (root mean square), the run named once."""
+    from eha_bench.report.engineering import quantity
+
+    for item in found:
+        for number, (channel, error) in enumerate(item.errors.items()):
+            size = quantity(error, item.unit(channel)) if math.isfinite(error) else "diverges"
+            yield "" if number else f"  error of {item.run}", channel, size
 
 
 def calibrate(

@@ -116,7 +116,7 @@ class Question:
     Attributes:
         verdict: of the diagnosis. rivals: what was found first, then those that the data cannot
             tell from it. covered: where its recordings have been. complete: whether it ended.
-        unlocated: whether something acts that no rival can be simulated for.
+        not_simulated: what acts and is in no rival, "" where everything is.
         source: diagnosis.json.
     """
 
@@ -124,7 +124,7 @@ class Question:
     rivals: tuple[Hypothesis, ...]
     covered: Covered
     complete: bool
-    unlocated: bool
+    not_simulated: str
     source: Path
 
 
@@ -162,8 +162,18 @@ def read_question(path: str | Path) -> Question:
         tuple(found),
         covered,
         bool(content.get("complete", True)),
-        bool(unknown) and not learned,
+        _not_simulated(unknown) if unknown and not learned else "",
         file,
+    )
+
+
+def _not_simulated(unknown: Mapping[str, Any]) -> str:
+    """Say why something unknown is in no rival, as a clause."""
+    if unknown.get("equation") is None:
+        return "the unknown effect was not located"
+    return (
+        f"the unknown effect in the {unknown['equation']} balance follows nothing that was logged "
+        "closely enough for a model of it"
     )
 
 

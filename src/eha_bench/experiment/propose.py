@@ -203,14 +203,16 @@ class _Planner:
     # --- what is open ----------------------------------------------------------------------
 
     def _nothing_open(self) -> bool:
-        return len(self.causes) < 2 and (
-            self.question.unlocated or self._worst(self.rivals[0].covariance) <= self.within
+        if len(self.causes) >= 2:
+            return False
+        return bool(self.question.not_simulated) or (
+            self._worst(self.rivals[0].covariance) <= self.within
         )
 
     def _why_nothing_open(self) -> str:
-        if self.question.unlocated:
+        if self.question.not_simulated:
             return (
-                "the unknown effect was not located, so no rival can be simulated: log more "
+                f"{self.question.not_simulated}, so no rival can be simulated: log more "
                 "channels, and run `eha-bench diagnose` again"
             )
         if not self.question.complete:

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    field_validator,
+    model_validator,
+)
 
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place, UnitError
@@ -189,6 +196,8 @@ class ChannelMapFile(StrictModel):
     )
     channels: dict[str, ChannelEntry] = Field(json_schema_extra={"minProperties": 1})
 
+    _of_plant: frozenset[str] = PrivateAttr(default=frozenset())
+
     @field_validator("sample_rate")
     @classmethod
     def _positive(cls, rate: float | None) -> float | None:
@@ -289,12 +298,19 @@ class ChannelMapFile(StrictModel):
         channels = self.of_kind(tables=tables)
         return self.model_copy(update={"channels": channels, "base": None if tables else self.base})
 
+    def knowing(self, names: Collection[str]) -> ChannelMapFile:
+        """Return the map for a plant that gives or takes channels of some names."""
+        found = self.model_copy()
+        found._of_plant = frozenset(names)
+        return found
+
     def strangers(self) -> list[str]:
         """Say which channels may be meant to be called otherwise."""
         free = [name for name in CHANNELS if name not in self.channels]
         notes = []
         for name in self.channels:
-            hint = "" if name in CHANNELS else likely(name, free, likeness=_MISSPELT)
+            known = name in CHANNELS or name in self._of_plant
+            hint = "" if known else likely(name, free, likeness=_MISSPELT)
             if hint:
                 notes.append(f"channel '{name}' is not one that eha-bench knows; {hint}")
         return notes

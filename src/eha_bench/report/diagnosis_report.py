@@ -137,7 +137,7 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
         "causes": _causes(found),
         "unknown": None if found.unknown is None else UnknownView(
             unknown_place(found.unknown),
-            unknown_text(found.unknown),
+            unknown_text(found.unknown, found.revised.effects),
             ", ".join(words_of(item) for item in found.unknown.variables),
             times(found.unknown.when),
             curve_view(curve, key="learned", title="The learned curve") if curve else None,

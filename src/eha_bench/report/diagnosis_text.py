@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, Unknown, Verdict
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+from eha_bench.plants.model import DeclaredEffect
 from eha_bench.report.engineering import (
     SIGNIFICANT_DIGITS,
     DisplayUnit,
@@ -261,11 +263,19 @@ def unknown_place(found: Unknown) -> str:
     )
 
 
-def unknown_text(found: Unknown) -> str:
-    """Say how much a learned curve explains, and whether it comes again."""
+def unknown_text(found: Unknown, effects: Iterable[DeclaredEffect]) -> str:
+    """Say how much a learned curve explains, and whether it comes again.
+
+    Args:
+        found: what is unknown. effects: of the revised model, the curve among them if it has it.
+    """
     named = []
     if math.isfinite(found.share) and found.share > 0.0:
-        named.append(f"A learned curve explains {share(found.share)} of what noise does not.")
+        text = f"A learned curve explains {share(found.share)} of what noise does not"
+        if any(effect.id == LEARNED for effect in effects):
+            named.append(f"{text}.")
+        else:
+            named.append(f"{text} in windows; the revised model is without it, the notes say why.")
     elif found.description:
         named.append(f"{found.description[:1].upper()}{found.description[1:]}.")
     if found.period > 0.0:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, model_validator
 
@@ -26,6 +26,9 @@ from eha_bench.plants.model import Model, model_from, parse_parameter
 from eha_bench.plants.plant import Plant
 from eha_bench.plants.static_plant import StaticPlant
 from eha_bench.recordings.computed import ComputedChannel, check_known, in_order, with_computed
+
+if TYPE_CHECKING:
+    from eha_bench.recordings.channel_map import ChannelMap
 
 _FEWEST = 10
 _LONGEST = 86_400.0
@@ -265,7 +268,7 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
         own = entry.channels
         channels = existing(own, "runs", number, "channels") if own else shared
         for log in _logs(folder, entry.log, place("runs", number, "log")):
-            part = _LogPart(log, channels, entry.start, entry.stop, entry.use)
+            part = _LogPart(log, channels, entry.start, entry.stop, entry.use, model.plant)
             if any(part.contradicts(other) for other in read):
                 raise InputError(
                     f"'{log.name}' is both for training and held out",
@@ -313,6 +316,16 @@ class _LogPart:
     start: float
     stop: float | None
     use: Use
+    plant: Plant
+
+    def channel_map(self) -> ChannelMap | None:
+        """Read the channel map, which the plant's own names are no strangers to."""
+        from eha_bench.recordings import load_channel_map
+
+        if self.channels is None:
+            return None
+        names = (*self.plant.inputs, *self.plant.outputs, *self.plant.states)
+        return load_channel_map(self.channels).knowing(names)
 
     def contradicts(self, other: _LogPart) -> bool:
         """Whether a part of both is fitted by one and held out by the other."""
@@ -396,7 +409,7 @@ def _reader(
         # imported here: reading formats pulls in large libraries that a schema check needs not
         from eha_bench.recordings import read as read_recording
 
-        recording = read_recording(part.log, channels=part.channels)
+        recording = read_recording(part.log, channels=part.channel_map())
         if computed:
             recording = with_computed(recording, computed, where)
         return _comparable(_window_of(recording, part), part, fewest)
@@ -408,7 +421,7 @@ def _topics_reader(part: _LogPart, fewest: int) -> Callable[[], tuple[Recording,
     def read() -> tuple[Recording, ...]:
         from eha_bench.recordings import read_topics
 
-        topics = read_topics(part.log, channels=part.channels)
+        topics = read_topics(part.log, channels=part.channel_map())
         if len(topics) == 1:
             return (_comparable(_window_of(topics[0], part), part, fewest),)
         first = min(float(item.time[0]) for item in topics if len(item))

@@ -14,6 +14,7 @@ from dataclasses import replace
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import LEARNED, Start
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.uncertainty import posterior
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
@@ -102,7 +103,8 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
     ]
     for trial in next_best[:_RUNNERS_UP]:
         added = [*(other.start.candidate for other in before), trial.candidate]
-        behind = trial.fit.cost - own.fit.cost
+        # by the noise as it is told in the end; a look's costs are of the noise of before
+        behind = cost_of(search.problem, trial.fit.vector) - search.fit.cost
         yield _rival(search, trial.fit, model, added, Standing.RUNNER_UP, behind)
 
 
