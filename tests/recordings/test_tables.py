@@ -375,3 +375,18 @@ def test_columns_of_one_name_are_not_guessed_between(tmp_path: Path, double: str
     columns = {"pressure_a": {"column": "p", "unit": "bar"}}
     with pytest.raises(RecordingError, match="2 columns have this name"):
         recordings.read(path, channels={"time": {"column": "t", "unit": "s"}, "channels": columns})
+
+
+def test_a_clock_that_was_set_back_is_not_to_be_sorted(tmp_path: Path) -> None:
+    """Sorted, two stretches would be mixed; a rate in the clock's place keeps every sample."""
+    path = tmp_path / "log.csv"
+    times = [*(0.01 * k for k in range(200)), *(1.0 + 0.01 * k for k in range(200))]
+    path.write_text("t,i\n" + "".join(f"{t:.2f},{k}\n" for k, t in enumerate(times)))
+    entry = {"current": {"column": "i", "unit": "A"}}
+    mapping = {"time": {"column": "t"}, "channels": entry}
+    with pytest.raises(RecordingError, match=r"99 samples follow.*set back.*sample_rate"):
+        recordings.read(path, channels=mapping)
+    found = recordings.read(path, channels={"sample_rate": "100 Hz", "channels": entry})
+    assert found["current"].tolist() == list(range(400))
+    dropped = recordings.read(path, channels={**mapping, "repair": {"steps_back": "drop"}})
+    assert dropped["current"].tolist() == [*range(200), *range(300, 400)]

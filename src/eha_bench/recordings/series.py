@@ -36,6 +36,10 @@ def seconds(stamps: Stamps, epoch: int) -> FloatArray:
     return (stamps - np.int64(epoch)) / 1e9
 
 
+_LATE = 3
+"""Most samples that come late with one step back of the time, where a logger swaps messages."""
+
+
 def ordered_track(track: Track, repair: Repair, where: Place) -> tuple[Track, list[str]]:
     """Return the track with strictly increasing stamps, and notes of what was repaired.
 
@@ -64,18 +68,17 @@ def ordered_track(track: Track, repair: Repair, where: Place) -> tuple[Track, li
             f"{-steps[back[0]] / 1e9:.6g} s (sample {back[0] + 1})"
         )
         if repair.steps_back is StepsBack.ERROR:
-            raise RecordingError(
-                text,
-                where=where,
-                hint="say 'repair: {steps_back: sort}' or 'drop' in channels.yaml",
-            )
+            raise RecordingError(text, where=where, hint=_mend_of(track.stamps, back.size))
         if repair.steps_back is StepsBack.SORT:
             track = track.rows(np.argsort(track.stamps, kind="stable"))
             notes.append(f"{where}: {text}; the samples were sorted by time")
         else:
             before = len(track)
             highest = np.maximum.accumulate(track.stamps)
-            track = track.rows(track.stamps >= highest)
+            later = np.r_[True, track.stamps[1:] > highest[:-1]]
+            # what only repeats the sample before it is a duplicate, and left to that rule
+            again = np.r_[False, (steps == 0) & (track.stamps[1:] == highest[:-1])]
+            track = track.rows(later | again)
             notes.append(f"{where}: {text}; {before - len(track)} samples were dropped")
     same = np.flatnonzero(np.diff(track.stamps) == 0)
     if same.size:
@@ -94,6 +97,22 @@ def ordered_track(track: Track, repair: Repair, where: Place) -> tuple[Track, li
         track = track.rows(keep)
         notes.append(f"{where}: {text}; the {repair.duplicates.value} of each was kept")
     return track, notes
+
+
+def _mend_of(stamps: Stamps, steps: int) -> str:
+    """Say what to do about stamps that step back: single late ones, or a clock that was set back.
+
+    Sorted, the stretches before and after a clock was set back would be mixed sample by sample.
+    """
+    late = int(np.count_nonzero(stamps < np.maximum.accumulate(stamps)))
+    if late <= _LATE * steps:
+        return "say 'repair: {steps_back: sort}' or 'drop' in channels.yaml"
+    return (
+        f"{late} samples follow with stamps that had been there, so the clock was set back: in "
+        "channels.yaml give 'sample_rate' instead of the time of a table that ticks evenly, or "
+        "leave the overlapping samples out with 'repair: {steps_back: drop}'; sorted, two "
+        "stretches would be mixed"
+    )
 
 
 def _times(count: int) -> str:
