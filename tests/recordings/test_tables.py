@@ -136,6 +136,7 @@ def test_what_eha_bench_writes_as_a_table_needs_no_map(tmp_path: Path) -> None:
         ("t,p,pos_mm\n0,1,2,9\n1,2,3,9\n", "its lines hold 4 cells, its header line 3"),
         ("t,p,pos_mm\n5,1,2\n5,2,3\n5,2,4\n", "time stands still"),
         ("just one column\n1\n2\n", "no delimiter"),
+        ("t,p,pos_mm\n0,2026-03-01 12:00:00.5,2\n", r"'p' holds dates .*time: \{column: p\}"),
     ],
 )
 def test_mistakes_in_a_table(tmp_path: Path, text: str, message: str) -> None:

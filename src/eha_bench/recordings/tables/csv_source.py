@@ -21,6 +21,7 @@ from eha_bench.recordings.tables.times import NotATime, parse_times
 _MOST_TIMES = 12
 """A table takes so many times its size while it is read: as text, twice, and as numbers."""
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+_DATE = re.compile(r"\s*\d{4}-\d{1,2}-\d{1,2}([T ]|$)")
 
 
 class CsvSource(TableSource):
@@ -177,6 +178,12 @@ class CsvSource(TableSource):
                 wrong = True
             if wrong:
                 comment = " with a decimal comma" if comma else ""
+                if _DATE.match(str(cell)):
+                    return RecordingError(
+                        f"column '{name}' holds dates ('{str(cell)[:40]}'), not numbers",
+                        where=Place(file=self.path, line=self._line(row)),
+                        hint=f"it can be the clock: 'time: {{column: {name}}}' in channels.yaml",
+                    )
                 return RecordingError(
                     f"'{str(cell)[:40]}' in column '{name}' is not a number{comment}",
                     where=Place(file=self.path, line=self._line(row)),
