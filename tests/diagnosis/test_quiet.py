@@ -219,7 +219,9 @@ def test_every_run_says_its_input_noise() -> None:
     noisy = _readings({"motor_speed": np.sin(pressure)}, {"pressure_a": pressure})
     assert not quiet.input_noise
     level = f"{noisy.input_noise['motor_speed']:.2g} rad/s"
-    assert [level in note for note in _noise_notes([quiet, noisy])] == [True]
+    assert [level in note for note in _noise_notes([quiet, noisy], {})] == [True]
+    # a plant's own input has the unit that the plant gives it
+    assert "rpm" in next(iter(_noise_notes([noisy], {"motor_speed": "rpm"})))
 
 
 @pytest.mark.parametrize(("a", "factor"), [(0.0, 1.0), (A, np.sqrt((1 + A) / (1 - A)))])

@@ -156,7 +156,12 @@ def gather(
         for name in plant.outputs
         if name not in compared and name not in dataset.inputs
     ]
-    return tuple(measured), windows, noise, (*notes, *_noise_notes(measured), *_notes(measured))
+    return (
+        tuple(measured),
+        windows,
+        noise,
+        (*notes, *_noise_notes(measured, plant.units), *_notes(measured)),
+    )
 
 
 def thinned_windows(windows: list[Window], budget: float = BUDGET) -> list[Window]:
@@ -329,13 +334,13 @@ def _keys(dataset: Dataset, problem: Problem) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*dataset.model.calibrate, *behind)))
 
 
-def _noise_notes(measured: Sequence[Measured]) -> Iterator[str]:
+def _noise_notes(measured: Sequence[Measured], units: Mapping[str, str]) -> Iterator[str]:
     """Say what is known of noise that is not white, or that drives the simulations."""
     for name in dict.fromkeys(name for item in measured for name in item.input_noise):
         own = [item.input_noise[name] for item in measured if name in item.input_noise]
-        level = float(np.median(own))
+        level, unit = float(np.median(own)), units.get(name) or unit_of(name)
         yield (
-            f"input '{name}' was measured, with a noise of {level:.2g} {unit_of(name)}: its "
+            f"input '{name}' was measured, with a noise of {f'{level:.2g} {unit}'.strip()}: its "
             "effect on the simulation counts as noise"
         )
     yield from colour_notes(measured)

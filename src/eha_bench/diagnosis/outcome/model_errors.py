@@ -47,7 +47,7 @@ from eha_bench.diagnosis.replay.replay import Replay, replay
 from eha_bench.plants.model import Model
 from eha_bench.posterior.covered import Covered
 
-_NEVER_FITTED = {Use.HOLDOUT: "held-out", Use.UNSEEN: "unseen"}
+_KINDS = {Use.TRAIN: "training", Use.HOLDOUT: "held-out", Use.UNSEEN: "unseen"}
 
 
 @dataclass(frozen=True)
@@ -156,9 +156,9 @@ def scores_of(
         mine = [item for item in replays if item.use is use]
         before, after = _over_windows(dataset, base, use, ended, vectors, (own[1], own[2]))
         errors[use] = replay_errors(mine, floors(noise), (before, after))
-        notes += replay_notes(mine, errors[use])
+        notes += replay_notes(mine, errors[use], _KINDS[use])
         if use is not Use.TRAIN:
-            notes += bent_notes(errors[use], _NEVER_FITTED[use])
+            notes += bent_notes(errors[use], _KINDS[use])
     per_run = {item.run: item.estimates for item in parts[-1] if item.estimates}
     covered = covered_ranges(base.measured, noise, errors[Use.TRAIN], dataset.source)
     notes += beyond_notes(replays, covered, noise)

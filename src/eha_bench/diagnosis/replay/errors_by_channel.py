@@ -102,8 +102,14 @@ def _rms(errors: Sequence[FloatArray]) -> float:
     return float(np.sqrt(total / count)) if count else nan
 
 
-def replay_notes(replays: Sequence[Replay], errors: Mapping[str, ChannelError]) -> Iterator[str]:
-    """Say where the error of a whole replay tells little about the model, one sentence each."""
+def replay_notes(
+    replays: Sequence[Replay], errors: Mapping[str, ChannelError], runs: str
+) -> Iterator[str]:
+    """Say where the error of a whole replay tells little about the model, one sentence each.
+
+    Args:
+        replays: of one kind of runs. errors: of them. runs: their kind, in words.
+    """
     loose = [
         f"{name} of {item.run} by {moved / errors[name].noise_floor:.1f}"
         for item in replays
@@ -118,10 +124,10 @@ def replay_notes(replays: Sequence[Replay], errors: Mapping[str, ChannelError]) 
         )
     for name, error in errors.items():
         if error.after == inf:
-            yield f"a whole replay of {name} diverges with the revised model"
+            yield f"a whole replay of {name} in {runs} runs diverges with the revised model"
         elif error.after > _ADDED_UP * max(error.after_windows, error.noise_floor):
             yield (
-                f"{name}: small errors add up over whole runs, to {error.after:.3g} "
+                f"{name}: small errors add up over whole {runs} runs, to {error.after:.3g} "
                 f"{error.unit}; over short windows it is {error.after_windows:.3g} {error.unit}"
             )
 
