@@ -15,8 +15,8 @@ from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.outcome import decide as module
-from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out
-from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
+from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.places import Template
@@ -272,6 +272,23 @@ def test_a_curve_is_credited_by_the_loss_that_it_was_fitted_with(curves: Curves)
     told = verdict(search(5.0, beyond(5.0)))
     assert told.unknown is not None
     assert told.unknown.share == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.15, ()), (0.68, ("time",))])
+def test_a_little_curve_that_harms_whole_runs_names_no_variable(share: float, named: Any) -> None:
+    unknown = Unknown("force", ("time",), "depends on time", share, 5.6, ((0.0, 1.0),), "rod")
+    state = search(5.0, beyond(5.0))
+    with_curve = Decision(Verdict.UNKNOWN, fit(1.0), ("noted",), unknown, learned=True)
+    told = without_curve(with_curve, state, "whole runs grow")
+    assert not told.learned
+    assert told.fit is state.fit
+    assert told.notes[-1].endswith("left out of the revised model: whole runs grow")
+    assert told.unknown is not None
+    assert (told.unknown.equation, told.unknown.at) == ("force", "rod")
+    assert told.unknown.share == share
+    assert told.unknown.variables == named
+    assert ("remains open" in told.unknown.description) is not bool(named)
+    assert bool(told.unknown.period) is bool(named)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from eha_bench.diagnosis.fit.side_by_side import fits_by
 from eha_bench.diagnosis.fit.start_angles import starts_of
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
-from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out
+from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameter
 from eha_bench.diagnosis.outcome.findings import assemble
@@ -220,13 +220,7 @@ class Conclusion:
     def _without_the_curve(self, why: str) -> Diagnosis:
         """Leave a learned curve out of the revised model with which replays are worse."""
         self.stage = "decide"
-        note = f"the learned curve is left out of the revised model: {why}"
-        self.decision = replace(
-            self.decision,
-            fit=self.search.fit,
-            learned=False,
-            notes=(*self.decision.notes, note),
-        )
+        self.decision = without_curve(self.decision, self.search, why)
         return self._assemble(complete=True)
 
 

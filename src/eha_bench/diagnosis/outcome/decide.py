@@ -155,6 +155,32 @@ def in_held_out(decision: Decision, equation: str) -> Decision:
     return replace(decision, verdict=Verdict.UNKNOWN, unknown=unknown)
 
 
+def without_curve(decision: Decision, search: Search, why: str) -> Decision:
+    """Return a decision whose learned curve is left out of the revised model.
+
+    A curve that explains little of the windows and harms whole runs names no variable.
+
+    Args:
+        decision: with the curve. search: finished. why: replays speak against it.
+    """
+    note = f"the learned curve is left out of the revised model: {why}"
+    unknown = decision.unknown
+    if unknown is not None and not unknown.share > search.thresholds.explained:
+        text = (
+            f"{_acting(unknown.equation or '', unknown.at)}; the best curve, of "
+            f"{', '.join(unknown.variables)}, explains {per_cent(unknown.share)} of the excess in "
+            "windows and makes whole runs worse, so what it depends on remains open"
+        )
+        unknown = Unknown(unknown.equation, (), text, unknown.share, at=unknown.at)
+    return replace(
+        decision,
+        fit=search.fit,
+        learned=False,
+        unknown=unknown,
+        notes=(*decision.notes, note),
+    )
+
+
 def _decision_with_curve(
     search: Search, locator: Locator, best: LocatedCurve, step: float, notes: tuple[str, ...]
 ) -> Decision:
