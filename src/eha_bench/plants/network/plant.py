@@ -636,10 +636,13 @@ class NetworkPlant(Plant):
     ) -> tuple[float, float]:
         system = self.system
         item = system.coordinates[number]
-        keys = [f"{item.name}.stroke_{end}" for end in ("low", "high")]
-        if all(key in system.slot_of for key in keys):
-            low, high = (float(vector[system.index[system.slot_of[key]]]) for key in keys)
-            return low, high
+        for node in system.geared(item):
+            if all(f"{node}.stroke_{end}" in system.slot_of for end in ("low", "high")):
+                ratio = self._turns(vector, node)
+                ends = sorted(
+                    self._value(vector, node, f"stroke_{end}") / ratio for end in ("low", "high")
+                )
+                return ends[0], ends[1]
         if linkage is not None:
             return -linkage.half_stroke, linkage.half_stroke
         for part in system.parts.values():
@@ -652,8 +655,17 @@ class NetworkPlant(Plant):
                     / self._value(vector, part.name, f"area_{side}")
                     for side in ("a", "b")
                 )
+                half /= abs(self._turns(vector, part.element.ports["on"]))
                 return -half, half
         return -math.inf, math.inf
+
+    def _turns(self, vector: FloatArray, node: str) -> float:
+        """Return how many times as fast as its coordinate a node moves, by the gears between."""
+        ratio = 1.0
+        for part in self.system.between(node):
+            if f"{part.name}.ratio" in self.system.slot_of:
+                ratio *= self._value(vector, part.name, "ratio")
+        return ratio
 
     def _value(self, vector: FloatArray, of: str, name: str) -> float:
         return float(vector[self.system.index[self.system.slot_of[f"{of}.{name}"]]])

@@ -844,8 +844,7 @@ class System:
     def inertias_of_nodes(self, item: Coordinate) -> list[str]:
         """Return what a coordinate's own nodes weigh."""
         found = []
-        names = [item.name, *(n for n, c in self.leaders.items() if c[-1] == item.name)]
-        for name in names:
+        for name in self.nodes_on(item):
             for key in ("inertia", "mass"):
                 value = self.parameter(name, key)
                 if value is not None:
@@ -895,13 +894,52 @@ class System:
         return found
 
     def stroke(self, item: Coordinate) -> tuple[str, str] | None:
-        """Return the expressions of the ends of a coordinate's stroke, None where it has none."""
-        low, high = (self.parameter(item.name, f"stroke_{end}") for end in ("low", "high"))
-        if low is not None and high is not None:
-            return low, high
-        for part, term, _ in self.terms(item, Stops):
-            return self.call(part, term.low), self.call(part, term.high)
+        """Return the expressions of the ends of a coordinate's stroke, None where it has none.
+
+        Ends are those of the coordinate's own node, else of one that moves with it, else of what
+        stops one of these: the way of a node behind a gear is that of the coordinate, times the
+        ratio.
+        """
+        for node in self.geared(item):
+            low, high = (self.parameter(node, f"stroke_{end}") for end in ("low", "high"))
+            if low is not None and high is not None:
+                return self._at_leader(low, high, self.ratio(node))
+        for part, term, ratio in self.terms(item, Stops):
+            gears = ratio if part.element.ports[term.port] in self.geared(item) else ""
+            return self._at_leader(self.call(part, term.low), self.call(part, term.high), gears)
         return None
+
+    @staticmethod
+    def _at_leader(low: str, high: str, ratio: str) -> tuple[str, str]:
+        """Return the ends of a way as those of what it moves with, `ratio` times as slow."""
+        if not ratio:
+            return low, high
+        ends = f"({low}) / ({ratio})", f"({high}) / ({ratio})"
+        return (
+            f"({ends[0]} if ({ratio}) > 0.0 else {ends[1]})",
+            f"({ends[1]} if ({ratio}) > 0.0 else {ends[0]})",
+        )
+
+    def geared(self, item: Coordinate) -> list[str]:
+        """Return a coordinate's own node, and those that move a fixed number of times as fast."""
+        return [
+            node
+            for node in self.nodes_on(item)
+            if all(part.element.kind.id == "gear" for part in self.between(node))
+        ]
+
+    def between(self, node: str) -> list[BoundElement]:
+        """Return what ties a node to its coordinate, the nearest to the node first."""
+        found = []
+        while node in self.leaders:
+            part, tie = self._ties[node]
+            found.append(part)
+            node = part.element.ports[tie.leader]
+        return found
+
+    def nodes_on(self, item: Coordinate) -> list[str]:
+        """Return a coordinate's own node, and those that move with it."""
+        return [item.name, *(n for n, chain in self.leaders.items() if chain[-1] == item.name)]
 
     @cached_property
     def locked_coordinates(self) -> tuple[int, ...]:
