@@ -95,6 +95,14 @@ def test_another_cause_is_left_to_be_found(ratio: float | None) -> None:
     assert search.excess_left.relative < 0.05
 
 
+def test_a_form_whose_shape_ends_at_a_bound_is_not_taken() -> None:
+    """A ratio of static friction beyond what it may be says that something else is there."""
+    search = search_of(problem(**{RATIO: 9.0}), "viscous_friction")
+    add(search, EFFECT)
+    assert not take_best_form(search, search.accepted[-1])
+    assert form(search) == "constant"
+
+
 def test_an_assumed_parameter_has_no_forms() -> None:
     search = search_of(problem(**{RATIO: 2.0}), "viscous_friction")
     search.accepted.append(assumed("mass"))

@@ -157,7 +157,10 @@ def _say_verdict(found: Diagnosis) -> None:
         values = ", ".join(
             f"{key} = {' '.join(_estimate(v, why))}" for key, v in effect.parameters.items()
         )
-        say(f"  {effect.id} in the {effect.equation} equation: {values}")
+        place = f", at {effect.at}" if effect.at else ""
+        words = ", ".join(f"{key} {word}" for key, word in effect.settings.items())
+        form = f" ({words})" if words else ""
+        say(f"  {effect.id} in the {effect.equation} equation{place}{form}: {values}")
     if found.unknown and found.unknown.equation and found.unknown.variables:
         place = f", at {found.unknown.at}" if found.unknown.at else ""
         variables = ", ".join(found.unknown.variables)

@@ -25,6 +25,8 @@ from eha_bench.plants.effect import AT
 from eha_bench.plants.layout import Layout
 
 _FINISHED = 2
+_AT = 1e-3
+"""Share of a number within which it stands at a bound."""
 
 
 def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
@@ -81,7 +83,10 @@ def take_best_form(search: Search, item: Accepted) -> bool:
         done = [(start, polish_at_rest(search, fit, [start])) for start, fit in tried[:_FINISHED]]
     finally:
         search.accepted = kept
-    start, fit = min(done, key=lambda trial: trial[1].cost)
+    inside = [trial for trial in done if not _meets_a_bound(search, *trial)]
+    if not inside:
+        return False
+    start, fit = min(inside, key=lambda trial: trial[1].cost)
     if fit.cost > search.fit.cost - search.thresholds.least_gain(search.excess_left):
         return False
     found = compared(search, item, fit)
@@ -91,6 +96,19 @@ def take_best_form(search: Search, item: Accepted) -> bool:
     search.accepted = others
     search.excess_left = excess(search.problem, fit)
     return True
+
+
+def _meets_a_bound(search: Search, start: Start, fit: Fit) -> bool:
+    """Whether a number of a form's shape stands at a bound, where nothing measured holds it."""
+    index, known = search.problem.places.index, search.problem.places.by_key
+    for key in start.keys:
+        if index[key] == start.strength_at:
+            continue
+        value, parameter = float(fit.vector[index[key]]), known[key]
+        near = _AT * max(abs(value), 1e-12)
+        if min(abs(value - parameter.low), abs(value - parameter.high)) <= near:
+            return True
+    return False
 
 
 def places(
