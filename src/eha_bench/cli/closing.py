@@ -149,6 +149,7 @@ def _leave_if_failed(failed: FailedStage | None, out: Path) -> None:
 
 def _say_verdict(found: Diagnosis) -> None:
     """Print verdict, causes and the held-out error before and after."""
+    from eha_bench.plants.effect import EVERYWHERE
     from eha_bench.report.diagnosis_text import no_interval
 
     say(f"verdict: {found.verdict.value}{_unfinished_note(found)}")
@@ -158,6 +159,7 @@ def _say_verdict(found: Diagnosis) -> None:
             f"{key} = {' '.join(_estimate(v, why))}" for key, v in effect.parameters.items()
         )
         place = f", at {effect.at}" if effect.at else ""
+        place = ", everywhere" if effect.at == EVERYWHERE else place
         words = ", ".join(f"{key} {word}" for key, word in effect.settings.items())
         form = f" ({words})" if words else ""
         say(f"  {effect.id} in the {effect.equation} equation{place}{form}: {values}")
