@@ -6,6 +6,7 @@ over the state that is shown to them (`X`), signals (`S`) and parameters (`P`).
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -162,12 +163,8 @@ def usual_flow(system: System) -> float:
 
 def _ratio(system: System, node: str) -> float:
     """Return how fast a node moves relative to its coordinate, where a gear says so."""
-    ratio = 1.0
-    while node in system.leaders:
-        part, tie = system._ties[node]
-        ratio *= abs(_default(system, part.name, "ratio")) or 1.0
-        node = part.element.ports[tie.leader]
-    return ratio
+    between = system.between(node)
+    return math.prod(abs(_default(system, part.name, "ratio")) or 1.0 for part in between)
 
 
 def _usual_position(system: System, item: Coordinate) -> float:
