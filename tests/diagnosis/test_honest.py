@@ -101,6 +101,48 @@ def test_a_curve_that_worsens_runs_never_fitted_or_all_is_no_model():
     assert not curve_is_worse(found(train=larger, holdout=smaller))
 
 
+NOTHING_REACHED = SimpleNamespace(
+    places=SimpleNamespace(bound_met=lambda _keys, _vector: None),
+    plant=SimpleNamespace(
+        layout=SimpleNamespace(
+            effect=lambda _id: SimpleNamespace(strength=SimpleNamespace(name="size"))
+        )
+    ),
+)
+
+
+def test_an_effect_whose_setting_is_where_the_recordings_bound_it():
+    """A relief valve at the pressure of half of the time is a leak with another name."""
+    from eha_bench.diagnosis.fit.own_parameters import Places
+    from eha_bench.diagnosis.fit.reached import ReachedBounds
+    from eha_bench.plants.registry import get_plant
+
+    layout = get_plant("eha_knee").layout
+    keys = ("relief_valve.valve_conductance", "relief_valve.setting")
+    size, setting = (layout.index[key] for key in keys)
+    vector = layout.defaults()
+    vector[size] = 1e-11
+    start = Start("relief_valve", (), size, 0.0, 1e-11, 0.0, 1.0, keys, "flow")
+    reached = ReachedBounds(keys[1], (), {(): (7e6, float("inf"))})
+    problem = SimpleNamespace(
+        places=Places(layout, reached=(reached,)), plant=SimpleNamespace(layout=layout)
+    )
+    search = SimpleNamespace(
+        thresholds=DEFAULT,
+        problem=problem,
+        fit=SimpleNamespace(vector=vector),
+        excess_base=SimpleNamespace(relative=50.0, significance=40.0),
+    )
+    item = Accepted(start, GOOD, ())
+    search.effects = [item]
+    vector[setting] = 7e6
+    assert _against(search, item) == (
+        "its setting is at the bound that the recordings set, 7e+06 Pa"
+    )
+    vector[setting] = 7.5e6
+    assert _against(search, item) == ""
+
+
 @pytest.mark.parametrize(
     ("strength", "comparison", "missing", "says"),
     [
@@ -124,6 +166,7 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
     item = Accepted(start, comparison, ())
     search = SimpleNamespace(
         thresholds=DEFAULT,
+        problem=NOTHING_REACHED,
         effects=[item],
         fit=SimpleNamespace(vector=np.array([strength])),
         excess_base=SimpleNamespace(relative=missing, significance=40.0),
@@ -153,9 +196,46 @@ def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
     end = replace(
         found(holdout=holdout), revised=SimpleNamespace(vector=lambda: np.array(strengths))
     )
-    told = against_the_end(SimpleNamespace(effects=items, thresholds=DEFAULT), end)
+    told = against_the_end(
+        SimpleNamespace(effects=items, thresholds=DEFAULT, problem=NOTHING_REACHED), end
+    )
     assert (None if told is None else told[0].start.candidate) == refused
     assert told is None or says in told[1]
+
+
+@pytest.mark.parametrize(
+    ("low", "p_value", "refused"),
+    [
+        (0.0, 1e-3, "relief_valve"),
+        (0.01, 1e-3, None),
+        # runs that disagree make an interval wide, though each of them gains
+        (0.0, 1e-6, None),
+        (-float("inf"), 1e-3, None),
+    ],
+)
+def test_an_effect_beside_another_whose_size_may_be_nothing(low, p_value, refused):
+    import numpy as np
+
+    from eha_bench.diagnosis.fit.uncertainty import Estimate
+    from eha_bench.diagnosis.outcome.diagnosis import FoundEffect
+    from eha_bench.plants.registry import get_plant
+
+    layout = get_plant("eha_knee").layout
+    items, told, vector = [], [], np.zeros(layout.size)
+    for name, least, p in (("entrained_air", 0.01, 1e-9), ("relief_valve", low, p_value)):
+        size = layout.effect(name).strength.name
+        at = layout.index[f"{name}.{size}"]
+        vector[at] = 0.02
+        start = Start(name, (), at, 0.0, 0.02, 0.0, 0.5, (f"{name}.{size}",), "flow")
+        items.append(Accepted(start, replace(GOOD, p_value=p), ()))
+        told.append(FoundEffect(name, "flow", {size: Estimate(0.02, least, 0.03, "")}))
+    end = replace(found(), revised=SimpleNamespace(vector=lambda: vector), effects=tuple(told))
+    problem = SimpleNamespace(places=NOTHING_REACHED.places, plant=SimpleNamespace(layout=layout))
+    search = SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem)
+    against = against_the_end(search, end)
+    assert (None if against is None else against[0].start.candidate) == refused
+    search.effects = items[1:]
+    assert against_the_end(search, end) is None
 
 
 @pytest.mark.parametrize(
@@ -188,6 +268,7 @@ def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
     item = Accepted(start, replace(GOOD, p_value=p_value), ())
     search = SimpleNamespace(
         thresholds=DEFAULT,
+        problem=NOTHING_REACHED,
         effects=[item],
         fit=fit,
         groups=Groups(*(tuple(np.array_split(np.arange(400), parts)) for parts in (4, 40))),

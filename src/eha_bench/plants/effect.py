@@ -68,10 +68,13 @@ class Action:
             with time or state.
         same_as: parameter of the place that says the same: where that is not 0, the effect would
             only repeat it.
+        needs: parameter of the place without which there is nothing that it could change.
         alike: two parameters of the place that are declared the same where the effect can be what
             is missing.
         charges: the effect's parameter that is the pressure of the oil at rest, "" for none.
         opens: a setting that is not reached most of the time, None where there is none.
+        fades_by: the effect's parameter that is the speed by which it falls, "" for none: a search
+            holds it well below the fastest that was measured.
     """
 
     hooks: Mapping[str, Callable[..., object]] = field(default_factory=dict)
@@ -83,9 +86,11 @@ class Action:
     start: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     adjusts: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     same_as: str = ""
+    needs: str = ""
     alike: tuple[str, str] | None = None
     charges: str = ""
     opens: Opening | None = None
+    fades_by: str = ""
 
 
 @dataclass(frozen=True)
@@ -183,6 +188,7 @@ class Spot:
         follows: form in which something unknown may act here -> variables that it may follow.
         sensors: channels that it changes without changing what goes on; none for a balance.
         angle: channel of the angle that something periodic follows there; "" where none shows it.
+        motion: channels of the position and the speed there, "" where none shows it.
     """
 
     name: str
@@ -198,6 +204,7 @@ class Spot:
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     sensors: tuple[str, ...] = ()
     angle: str = ""
+    motion: tuple[str, str] = ("", "")
 
 
 Spots = Mapping[str, Sequence[Spot]]
@@ -397,6 +404,14 @@ class BoundEffect:
         """Return the plant's own parameter that says the same, "" where there is none."""
         spot = self.spots_at(values or {})[0]
         return spot.parameters.get(self.action.same_as, "") if self.action.same_as else ""
+
+    def needed(self, values: Mapping[str, object] | None = None) -> str | None:
+        """Return the plant's own parameter that has to be there, "" where the place has none.
+
+        None where nothing has to be.
+        """
+        spot = self.spots_at(values or {})[0]
+        return spot.parameters.get(self.action.needs, "") if self.action.needs else None
 
     def alike(self, values: Mapping[str, object] | None = None) -> tuple[str, ...]:
         """Return the plant's own parameters that have to be declared the same, () for none."""

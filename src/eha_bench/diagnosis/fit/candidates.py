@@ -192,5 +192,8 @@ def _can_be_missing(layout: Layout, effect: BoundEffect, start: Start, vector: F
     twin = effect.repeats(values)
     if twin and vector[layout.index[twin]] != 0.0:
         return False
+    needed = effect.needed(values)
+    if needed is not None and (not needed or vector[layout.index[needed]] == 0.0):
+        return False
     alike = [float(vector[layout.index[name]]) for name in effect.alike(values)]
     return len(alike) < 2 or abs(alike[0] - alike[1]) <= _SAME * abs(alike[0])

@@ -151,7 +151,8 @@ def free_parameters(
                 width = parameter.high - parameter.low
                 scale = 0.1 * width if np.isfinite(width) else 1.0
             name = key if parameter.size == 1 else f"{key}[{k}]"
-            bounds = max(parameter.low, places.least(key, vector)), parameter.high
+            low, high = places.bounds(key, vector)
+            bounds = max(parameter.low, low), min(parameter.high, high)
             found.append(Free(name, at, *bounds, float(scale), of_effect, run, key in logs))
     return tuple(found)
 

@@ -20,7 +20,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.gate import Measured
-from eha_bench.diagnosis.fit.openings import LeastSetting, least_settings
+from eha_bench.diagnosis.fit.reached import NO_BOUNDS, ReachedBounds, reached_bounds
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 
@@ -60,27 +60,53 @@ class LateClock:
         return f"lateness of {self.clock}"
 
 
+_NEAR = 1e-3
+"""Share of a bound within which a number stands at it."""
+
+
+@dataclass(frozen=True)
+class ReachedBound:
+    """A bound by what was measured, SI, and the key of what stands at it."""
+
+    key: str
+    value: float
+
+
 @dataclass(frozen=True)
 class Places:
     """Where the numbers of a vector stand, by key.
 
     Attributes:
         layout: of the plant. own: the runs' own parameters, in the order of their places.
-        late: clocks whose lateness is estimated. settings: what effects open at, at the least.
+        late: clocks whose lateness is estimated. reached: bounds by what was measured.
     """
 
     layout: Layout
     own: tuple[RunParameter, ...] = ()
     late: tuple[LateClock, ...] = ()
-    settings: tuple[LeastSetting, ...] = ()
+    reached: tuple[ReachedBounds, ...] = ()
 
-    def least(self, key: str, vector: FloatArray) -> float:
-        """Return the least that a number may be by what was measured, SI; mostly -inf."""
-        return max((item.at(vector) for item in self.settings if item.key == key), default=-np.inf)
+    def bounds(self, key: str, vector: FloatArray) -> tuple[float, float]:
+        """Return between what a number may be by what was measured, SI; mostly infinite."""
+        known = (item.at(vector) for item in self.reached if item.key == key)
+        return next(known, NO_BOUNDS)
 
     def permits(self, vector: FloatArray, keys: Iterable[str]) -> bool:
-        """Return whether numbers of a vector are no less than measurements let them be."""
-        return all(vector[self.index[key]] >= self.least(key, vector) for key in keys)
+        """Return whether numbers of a vector are within what measurements let them be."""
+        return all(
+            low <= vector[self.index[key]] <= high
+            for key in keys
+            for low, high in [self.bounds(key, vector)]
+        )
+
+    def bound_met(self, keys: Iterable[str], vector: FloatArray) -> ReachedBound | None:
+        """Return the first of some numbers that stands at a bound by what was measured, or None."""
+        for key in keys:
+            value = float(vector[self.index[key]])
+            for bound in self.bounds(key, vector):
+                if np.isfinite(bound) and abs(value - bound) <= _NEAR * abs(bound):
+                    return ReachedBound(key, bound)
+        return None
 
     @cached_property
     def behind(self) -> tuple[RunParameter | LateClock, ...]:
@@ -154,7 +180,7 @@ def places_of(layout: Layout, runs: Iterable[Measured]) -> Places:
         layout,
         tuple(own[place] for place in sorted(own)),
         tuple(late[place] for place in sorted(late)),
-        least_settings(layout, known),
+        reached_bounds(layout, known),
     )
 
 

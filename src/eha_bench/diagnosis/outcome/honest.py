@@ -75,23 +75,50 @@ def against_the_end(search: Search, found: Diagnosis) -> tuple[Accepted, str] | 
     """
     vector = found.revised.vector()
     for item in search.effects:
-        if reason := _at_bound(item, vector):
+        if reason := _at_bound(search, item, vector):
             return item, reason
+    for item in sorted(search.effects, key=lambda item: item.comparison.gain):
+        if len(search.effects) > 1 and _may_be_nothing(search, item, found):
+            return item, "its interval holds zero beside the others, and its gain is not clear"
     if reason := worse(found, search.thresholds):
         return min(search.effects, key=lambda item: item.comparison.gain), reason
     return None
 
 
-def _at_bound(item: Accepted, vector: FloatArray) -> str:
-    """Say that an effect's strength stands at a bound, or nothing."""
+def _may_be_nothing(search: Search, item: Accepted, found: Diagnosis) -> bool:
+    """Whether neither an effect's interval nor its gain tells it from nothing.
+
+    Where runs disagree, an interval may be wide though every one of them gains: the gain decides.
+    """
+    start = item.start
+    effect = search.problem.plant.layout.effect(start.candidate)
+    estimates = (one.parameters for one in found.effects if one.id == start.candidate)
+    size = next(estimates, {}).get(effect.strength.name)
+    if size is None or not (isfinite(size.low) and isfinite(size.high)):
+        return False
+    unclear = not item.comparison.p_value < search.thresholds.p_clear
+    return unclear and size.low <= start.neutral <= size.high
+
+
+def _at_bound(search: Search, item: Accepted, vector: FloatArray) -> str:
+    """Say that an effect's strength, or what was measured of it, stands at a bound, or nothing."""
     bound = item.start.bound_met(vector)
-    return "" if bound is None else f"its strength is at its bound, {bound:.4g}"
+    if bound is not None:
+        return f"its strength is at its bound, {bound:.4g}"
+    reached = search.problem.places.bound_met(item.start.keys, vector)
+    if reached is None:
+        return ""
+    layout = search.problem.plant.layout
+    effect = layout.effect(item.start.candidate)
+    name = reached.key.removeprefix(f"{effect.id}.")
+    unit = effect.parameter_at(name, layout.choice_values(effect, vector)).unit
+    return f"its {name} is at the bound that the recordings set, {reached.value:.4g} {unit}"
 
 
 def _against(search: Search, item: Accepted) -> str:
     """Say what speaks against an effect that was added, or nothing."""
     start, found, limits = item.start, item.comparison, search.thresholds
-    if reason := _at_bound(item, search.fit.vector):
+    if reason := _at_bound(search, item, search.fit.vector):
         return reason
     if found.explained_out <= 0.0 or found.gain_out <= 0.0:
         return "it explains nothing on runs left out of the fit"

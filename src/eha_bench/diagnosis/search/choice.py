@@ -29,11 +29,17 @@ def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
 
 
 def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:
-    """Return those whose strength stands at no bound, where the best of these is as good as any.
+    """Return those that stand at no bound, where the best of these is as good as any.
 
     What stands at a bound is refused in the end, and would take the place of what does as well.
     """
-    inside = [item for item in good if item.start.bound_met(item.fit.vector) is None]
+    places = search.problem.places
+    inside = [
+        item
+        for item in good
+        if item.start.bound_met(item.fit.vector) is None
+        and places.bound_met(item.start.keys, item.fit.vector) is None
+    ]
     best = good[0]
     if inside and is_as_good(search, inside[0].fit, best.fit, best.comparison.gain):
         return inside

@@ -236,6 +236,7 @@ def _spot(
         _usual(system, item),
         parameters or {},
         _frictions(system, item),
+        motion=_motion_channels(system, item),
     )
 
 
@@ -247,12 +248,12 @@ def _friction(system: System) -> Iterator[Spot]:
     for item in system.coordinates:
         if not system.inertias(item):
             continue
-        levels = [
-            system.slot_of[f"{part.name}.coulomb"]
-            for part, term, _ in system.terms(item, Friction)
-            if term.level is not None
-        ]
-        yield _spot(system, item, parameters={"coulomb": levels[0]} if levels else {})
+        parts = [part for part, term, _ in system.terms(item, Friction) if term.level is not None]
+        slots: dict[str, str] = {}
+        for name in ("coulomb", "static"):
+            own = [key for part in parts if (key := system.slot_of.get(f"{part.name}.{name}"))]
+            slots.update({name: own[0]} if own else {})
+        yield _spot(system, item, parameters=slots)
 
 
 def _pump_friction(system: System) -> Iterator[Spot]:
@@ -841,13 +842,12 @@ def variables_of(system: System) -> dict[str, str]:
     return found
 
 
-def _motion_channels(
-    system: System, item: Coordinate, channels: Mapping[int, str]
-) -> tuple[str, str]:
+def _motion_channels(system: System, item: Coordinate) -> tuple[str, str]:
     """Return the channels that show a position and a speed, "" for none.
 
     Through a stiff load cell, what moves at its other end shows them as well.
     """
+    channels = {one.state: one.channel for one in system.outputs if one.state >= 0}
     joined = [
         other
         for _, ends in system.load_cells()
@@ -924,7 +924,7 @@ def _anything(system: System) -> Iterator[Spot]:
         )
     for item in system.coordinates:
         if system.inertias(item):
-            own = _motion_channels(system, item, channels)
+            own = _motion_channels(system, item)
             pumped = (own[1], "pressure_difference", "pressure_sum")
             turns = bool(_on(system, item, "pump"))
             yield spot(

@@ -1,4 +1,4 @@
-"""A setting is no lower than what is reached half of the time."""
+"""Bounds of parameters by what was measured: settings of valves, speeds by which friction falls."""
 
 from dataclasses import replace
 from functools import partial
@@ -9,9 +9,10 @@ import pytest
 
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.least_squares import free_parameters
-from eha_bench.diagnosis.fit.openings import least_settings
 from eha_bench.diagnosis.fit.own_parameters import Places
+from eha_bench.diagnosis.fit.reached import reached_bounds
 from eha_bench.plants.channel_roles import KNOWN
+from eha_bench.plants.model import load_model
 from eha_bench.plants.registry import get_plant
 
 TANK, PORTS = 0.0, 1.0
@@ -48,7 +49,7 @@ def vector_with(layout, route, setting=20e6):
 def test_it_depends_on_where_the_oil_goes(layout, route, least):
     # chamber A at 0 to 20 MPa, B at 1 MPa: the medians are 10 MPa, and 9 MPa between the two
     run = measured(np.linspace(0.0, 20e6, 2001), np.full(2001, 1e6))
-    places = Places(layout, settings=least_settings(layout, [run]))
+    places = Places(layout, reached=reached_bounds(layout, [run]))
     vector = vector_with(layout, route)
     (free,) = free_parameters(places, ["relief_valve.setting"], vector)
     assert free.low == pytest.approx(least, rel=2e-3)
@@ -57,15 +58,19 @@ def test_it_depends_on_where_the_oil_goes(layout, route, least):
     assert not places.permits(below, ["relief_valve.setting", "relief_valve.valve_conductance"])
 
 
+def settings(layout, run):
+    return [item for item in reached_bounds(layout, [run]) if item.key == "relief_valve.setting"]
+
+
 def test_what_was_not_read_says_nothing(layout):
     run = measured(np.linspace(0.0, 20e6, 100), np.full(100, 1e6))
     valid = run.valid.copy()
     valid[50:] = False  # beyond 10 MPa nothing was believed
     half = read(**{**vars(run), "valid": valid})
-    (found,) = least_settings(layout, [half])
-    assert found.at(vector_with(layout, TANK)) == pytest.approx(5e6, rel=0.05)
+    (found,) = settings(layout, half)
+    assert found.at(vector_with(layout, TANK))[0] == pytest.approx(5e6, rel=0.05)
     one = read(**{**vars(run), "outputs": ("pressure_a",)})
-    assert least_settings(layout, [one]) == ()
+    assert settings(layout, one) == []
     (free,) = free_parameters(Places(layout), ["relief_valve.setting"], vector_with(layout, TANK))
     assert free.low == layout.by_key["relief_valve.setting"].low
 
@@ -73,4 +78,40 @@ def test_what_was_not_read_says_nothing(layout):
 def test_a_plant_without_a_pair_of_chambers_has_none():
     servo = get_plant("geared_servo").layout
     run = measured(np.ones(10), np.ones(10))
-    assert least_settings(servo, [read(**{**vars(run), "roles": replace(KNOWN, pair=())})]) == ()
+    assert settings(servo, read(**{**vars(run), "roles": replace(KNOWN, pair=())})) == []
+
+
+SLIDE = """\
+plant: slide
+nodes: {rod: {kind: translation, mass: 10 kg}}
+elements:
+  seals:  {kind: friction, on: rod, viscous: 100 N*s/m, coulomb: 30 N}
+  motor:  {kind: linear_motor, on: rod, force_constant: 1 N/V}
+inputs:   {command: motor.voltage}
+channels: {position: rod.position, velocity: rod.velocity}
+"""
+
+
+@pytest.mark.parametrize("channel", ["position", "velocity"])
+def test_a_friction_has_fallen_at_a_third_of_the_fastest_speed(tmp_path, channel):
+    path = tmp_path / "plant.yaml"
+    path.write_text(SLIDE)
+    layout = load_model(path).plant.layout
+    time = np.arange(0.0, 1.0, 1e-3)
+    values = {
+        "position": 0.3 / np.pi * np.sin(np.pi * time),
+        "velocity": 0.3 * np.cos(np.pi * time),
+    }
+    run = read(
+        inputs={}, outputs=(channel,), values=values[channel][:, None], roles=KNOWN, tick=1e-3,
+        valid=np.ones((time.size, 1), bool),
+    )  # fmt: skip
+    places = Places(layout, reached=reached_bounds(layout, [run]))
+    key = "stribeck_friction.stribeck_velocity"
+    vector = np.zeros(layout.size)
+    vector[layout.index[key]] = 0.01
+    (free,) = free_parameters(places, [key], vector)
+    assert free.high == pytest.approx(0.1, rel=0.01)
+    assert places.permits(vector, [key])
+    vector[layout.index[key]] = 0.11
+    assert not places.permits(vector, [key])

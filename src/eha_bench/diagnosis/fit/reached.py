@@ -1,0 +1,136 @@
+"""Bounds of an effect's parameters by what was measured.
+
+A valve that is open most of the time is a leak with another name: above its setting, a relief valve
+that drains to a tank is a leak that drains to a vessel of that pressure, and no recording tells the
+two apart. So a setting is no lower than what is reached half of the time.
+
+A friction that is still falling at the fastest speed is a curve like any other: with a viscous
+friction beside it, it is as good as a drag that grows with the square of the speed. So the speed by
+which it falls is at most a third of the fastest: of an exponential, 5 % are left there.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.plants.effect import AT, BoundEffect, Spot
+from eha_bench.plants.layout import Layout
+
+_SAMPLES = 2000
+"""Samples that a median is taken over, evenly spread."""
+_FADED = 1.0 / 3.0
+"""Largest speed by which something falls, as a share of the fastest."""
+_STRETCH = 0.02
+"""Time over which a speed is read from a position, s."""
+_FASTEST = 0.995
+"""Share of samples that are slower than what counts as the fastest: the rest may be outliers."""
+
+NO_BOUNDS = (-np.inf, np.inf)
+
+
+@dataclass(frozen=True)
+class ReachedBounds:
+    """Between what a parameter may be by what was measured.
+
+    Attributes:
+        key: `effect.parameter`. choices: places of the choices that it depends on.
+        bounds: their values -> lowest and highest value, SI.
+    """
+
+    key: str
+    choices: tuple[int, ...]
+    bounds: dict[tuple[float, ...], tuple[float, float]]
+
+    def at(self, vector: FloatArray) -> tuple[float, float]:
+        """Return them for the choices of a vector of parameters, SI."""
+        return self.bounds.get(tuple(float(vector[place]) for place in self.choices), NO_BOUNDS)
+
+
+def reached_bounds(layout: Layout, runs: Sequence[Measured]) -> tuple[ReachedBounds, ...]:
+    """Return the bounds of the parameters of a plant's effects by what was measured.
+
+    Args:
+        layout: of the plant. runs: what was measured; those that do not show it say nothing.
+    """
+    return (*_settings(layout, runs), *_fading_speeds(layout, runs))
+
+
+def _settings(layout: Layout, runs: Iterable[Measured]) -> Iterable[ReachedBounds]:
+    opening = [effect for effect in layout.effects if effect.action.opens is not None]
+    if not opening:
+        return ()
+    pairs = [pair for run in runs if (pair := _pair(run)).size]
+    if not pairs:
+        return ()
+    pressures = np.concatenate(pairs)
+    pressures = pressures[:: max(1, len(pressures) // _SAMPLES)]
+    return tuple(_least(layout, effect, pressures) for effect in opening)
+
+
+def _least(layout: Layout, effect: BoundEffect, pressures: FloatArray) -> ReachedBounds:
+    opening = effect.action.opens
+    assert opening is not None
+    names = [name for name in inspect.signature(opening.reached).parameters
+             if name not in ("p_a", "p_b")]  # fmt: skip
+    words = [range(len(effect.parameter(name).choices)) for name in names]
+    bounds = {}
+    for chosen in product(*words):
+        values = tuple(map(float, chosen))
+        reached = [opening.reached(p_a, p_b, *values) for p_a, p_b in pressures.tolist()]
+        bounds[values] = float(np.median(reached)), np.inf
+    places = tuple(layout.index[f"{effect.id}.{name}"] for name in names)
+    return ReachedBounds(f"{effect.id}.{opening.setting}", places, bounds)
+
+
+def _pair(run: Measured) -> FloatArray:
+    """Return both pressures where both were read, (k, 2) Pa; none where they were not."""
+    read = [_read(run, name) for name in run.roles.pair]
+    known = [values for values in read if values is not None]
+    if len(known) != 2:
+        return np.zeros((0, 2))
+    both = np.column_stack(known)
+    return np.asarray(both[np.isfinite(both).all(axis=1)])
+
+
+def _fading_speeds(layout: Layout, runs: Sequence[Measured]) -> Iterable[ReachedBounds]:
+    for effect in layout.effects:
+        if not effect.action.fades_by:
+            continue
+        several = len(effect.places) > 1
+        bounds: dict[tuple[float, ...], tuple[float, float]] = {}
+        for number in range(len(effect.places)):
+            spots = effect.spots_of(number)
+            bounds[(float(number),) if several else ()] = -np.inf, _FADED * _fastest(spots, runs)
+        places = (layout.index[f"{effect.id}.{AT}"],) if several else ()
+        yield ReachedBounds(f"{effect.id}.{effect.action.fades_by}", places, bounds)
+
+
+def _fastest(spots: Sequence[Spot], runs: Sequence[Measured]) -> float:
+    """Return the fastest speed that was reached at all of some places, SI; inf if none shows it."""
+    found = []
+    for spot in spots:
+        speeds = [np.abs(speed) for run in runs if (speed := _speed(run, spot)).size]
+        if speeds:
+            found.append(float(np.quantile(np.concatenate(speeds), _FASTEST)))
+    return min(found, default=np.inf)
+
+
+def _speed(run: Measured, spot: Spot) -> FloatArray:
+    """Return the speeds at a place that a run shows, (k,); none where it shows none."""
+    position, speed = spot.motion
+    read = _read(run, speed)
+    if read is None and (way := _read(run, position)) is not None:
+        apart = max(1, round(_STRETCH / run.tick))
+        read = (way[apart:] - way[:-apart]) / (apart * run.tick)
+    return np.zeros(0) if read is None else np.asarray(read[np.isfinite(read)])
+
+
+def _read(run: Measured, name: str) -> FloatArray | None:
+    return run.inputs[name] if name in run.inputs else run.column(name)
