@@ -14,6 +14,7 @@ from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from eha_bench.core.errors import Place, PluginError
@@ -74,6 +75,16 @@ def load(group: str, name: str, *, where: Place | None = None) -> Any:
             where=where,
             hint=f"check the package that provides {point.value}",
         ) from error
+
+
+def module_of(group: str, name: str) -> ModuleType:
+    """Return the module in which the entry point `name` of `eha_bench.<group>` stands.
+
+    Raises:
+        PluginError: as `load` does.
+    """
+    load(group, name)
+    return sys.modules[_group(group)[name].module]
 
 
 def check_id(what: str, name: str, found: str) -> None:

@@ -10,6 +10,7 @@ import math
 import re
 import sys
 from collections.abc import Iterator
+from types import ModuleType
 
 from eha_bench.core import plugins
 from eha_bench.plants.effect import Effect
@@ -28,8 +29,7 @@ is a candidate of `eha-bench diagnose` wherever a plant has the role that it act
 where, as a node, an element or a channel of the plant. The first parameter is its strength: at the
 neutral value the effect is off. Defaults are typical sizes, from which a search starts; where the
 unit depends on the place (`{effort}`: N or N*m; [Roles](roles.md) has all such words), they are
-shares of what is usual there. The formulas and their sources are in each effect's file in
-`src/eha_bench/plants/effects`.
+shares of what is usual there.
 
 Written by `python -m eha_bench.plants.catalogue effects`; a test compares this page with the code.
 """
@@ -42,8 +42,8 @@ joins nodes, and adds torque, force or flow to their balances. Units are SI; a f
 the same dimension. Where a unit depends on rotation and translation, `{effort}` is N*m or N,
 `{position}` rad or m, `{speed}` rad/s or m/s, `{damping}` N*m*s/rad or N*s/m, `{inertia}` kg*m^2 or
 kg, `{ratio}` the quotient of both ends' positions, and `{command}` the unit of the command of the
-motor that the element drives. The equations stand in each element's file in
-`src/eha_bench/plants/elements`.
+motor that the element drives. In the equations T is a torque, F a force, q a flow, p a pressure and
+x a position; w and v are speeds, and friction opposes them.
 
 Written by `python -m eha_bench.plants.catalogue elements`; a test compares this page with the code.
 """
@@ -56,6 +56,18 @@ def elements_page() -> str:
     for name in sorted(kinds):
         lines += _element(kinds[name])
     return "\n".join(lines)
+
+
+def _equations(module: ModuleType | None) -> Iterator[str]:
+    """Yield what a module says of its law between its first sentence and its source, as Markdown.
+
+    Equations are indented there, which is code in Markdown too.
+    """
+    _, _, text = (inspect.getdoc(module) or "").partition("\n\n")
+    law, _, _ = text.partition("\n\nSource:")
+    if law and not law.startswith("Source:"):
+        yield law
+        yield ""
 
 
 def _nodes() -> Iterator[str]:
@@ -77,6 +89,7 @@ def _element(kind: ElementKind) -> Iterator[str]:
     yield ""
     yield kind.summary
     yield ""
+    yield from _equations(inspect.getmodule(kind.anatomy))
     for port in kind.ports:
         key = {"first": "`between`, first", "second": "`between`, second"}.get(port.name)
         left_out = "; may be left out" if port.optional else ""
@@ -123,15 +136,18 @@ def _in(unit: str) -> str:
 
 def effects_page() -> str:
     """Return the page: every registered effect with equation, parameters and test."""
-    effects = [plugins.load("effects", name) for name in sorted(plugins.names("effects"))]
-    return "\n".join([_EFFECTS, *(line for effect in effects for line in _section(effect))])
+    lines = [_EFFECTS]
+    for name in sorted(plugins.names("effects")):
+        lines += _section(plugins.load("effects", name), plugins.module_of("effects", name))
+    return "\n".join(lines)
 
 
-def _section(effect: Effect) -> Iterator[str]:
+def _section(effect: Effect, module: ModuleType) -> Iterator[str]:
     yield f"## {effect.id}"
     yield ""
     yield effect.summary
     yield ""
+    yield from _equations(module)
     for role, action in effect.actions.items():
         own = [str(action.equation)] if action.equation else []
         more = sorted({str(other) for other in action.equations.values()} - set(own))

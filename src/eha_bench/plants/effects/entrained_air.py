@@ -1,7 +1,7 @@
 """Air bubbles in the oil make it soft at low pressure.
 
 With the volume fraction phi of air at the reference pressure p_0, compressed with polytropic
-index n while the oil is compressed with beta, the effective bulk modulus at pressure p is::
+index n while the oil is compressed with beta, the effective bulk modulus at pressure p is
 
     s = phi / (1 - phi) * (p_0 / p)^(1/n)         volume of air per volume of oil
     beta_e = beta (1 + s) / (1 + s beta / (n p))

@@ -2,21 +2,22 @@
 
 Read in two ways, by where the sensors sit (`side`):
 
-* The sensor is beyond the play: its reading lags by the play operator, half the gap each way::
+Where the sensor is beyond the play, its reading lags by the play operator, half the gap each way:
 
-      y = min(max(y, x - g/2), x + g/2)
+    y = min(max(y, x - g/2), x + g/2)
 
-  `position_sensor`: only the position is read there; `joint`: the velocity too, which is then 0
-  while the gap is crossed.
-* `load`: the sensors are on the rod (or shaft), and the load is beyond the play: of a rod all the
-  mass that is declared, of a shaft the elements that it carries (a pendulum). The two are masses
-  that touch only at the ends of the gap, through a stiff and damped contact (a dead zone)::
+With `position_sensor` only the position is read there; with `joint` the velocity too, which is then
+0 while the gap is crossed.
 
-      d = x - x_load
-      f = k (|d| - g/2) sign(d) + 2 zeta sqrt(k m) (v - v_load)  where |d| > g/2, only pushing
-      m dv/dt = ... - f;   M dv_load/dt = f - F_e
+With `load` the sensors are on the rod (or shaft), and the load is beyond the play: of a rod all the
+mass that is declared, of a shaft the elements that it carries (a pendulum). The two are masses
+that touch only at the ends of the gap, through a stiff and damped contact (a dead zone):
 
-  The weight that `gravity_load` adds stays on the rod.
+    d = x - x_load
+    f = k (|d| - g/2) sign(d) + 2 zeta sqrt(k m) (v - v_load)  where |d| > g/2, only pushing
+    m dv/dt = ... - f;   M dv_load/dt = f - F_e
+
+The weight that `gravity_load` adds stays on the rod.
 
 Where in the gap the joint is at the first sample is not known. Beyond a sensor it is taken in the
 middle at rest, and at the driving end where the rod moves. A load is taken to touch the end that

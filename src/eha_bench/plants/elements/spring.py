@@ -1,6 +1,8 @@
 """A spring with a damper in parallel, from a fixed point.
 
-F = -(k (x - x_0) + c v)
+    F = -(k (x - x_0) + c v)
+
+It is relaxed at x_0.
 """
 
 from __future__ import annotations

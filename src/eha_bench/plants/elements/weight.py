@@ -1,4 +1,6 @@
-"""The weight of all that moves with a rod: F = -m g, against extension.
+"""The weight of all that moves with a rod, against extension.
+
+    F = -m g
 
 `gravity` is its component along the rod's axis: g sin(slope), 0 where the rod lies level.
 """
