@@ -105,42 +105,65 @@ NOTHING_REACHED = SimpleNamespace(
     places=SimpleNamespace(bound_met=lambda _keys, _vector: None),
     plant=SimpleNamespace(
         layout=SimpleNamespace(
-            effect=lambda _id: SimpleNamespace(strength=SimpleNamespace(name="size"))
+            effect=lambda _id: SimpleNamespace(
+                strength=SimpleNamespace(name="size"), needed=lambda _values: None
+            ),
+            choice_values=lambda _effect, _vector: {},
         )
     ),
+    beliefs=(),
 )
 
 
-def test_an_effect_whose_setting_is_where_the_recordings_bound_it():
-    """A relief valve at the pressure of half of the time is a leak with another name."""
+@pytest.mark.parametrize(
+    ("velocity", "coulomb", "says"),
+    [
+        (0.03, 30.0, ""),
+        # still falling at the fastest speed that was measured
+        (0.06, 30.0, "its stribeck_velocity is at the bound that the recordings set, 0.06 m/s"),
+        # within 10 % is a standard deviation of 1.73 N
+        (0.03, 36.0, ""),
+        (0.03, 20.0, "seals.coulomb would be 20 N, which is far from what is believed of it, 30 N"),
+    ],
+)
+def test_a_friction_that_falls_over_a_declared_level(tmp_path, velocity, coulomb, says):
+    """A wide fall over a level that the fit takes away is a drag."""
+    from eha_bench.diagnosis.fit.beliefs import beliefs_of
     from eha_bench.diagnosis.fit.own_parameters import Places
     from eha_bench.diagnosis.fit.reached import ReachedBounds
-    from eha_bench.plants.registry import get_plant
+    from eha_bench.plants.model import load_model
 
-    layout = get_plant("eha_knee").layout
-    keys = ("relief_valve.valve_conductance", "relief_valve.setting")
-    size, setting = (layout.index[key] for key in keys)
-    vector = layout.defaults()
-    vector[size] = 1e-11
-    start = Start("relief_valve", (), size, 0.0, 1e-11, 0.0, 1.0, keys, "flow")
-    reached = ReachedBounds(keys[1], (), {(): (7e6, float("inf"))})
-    problem = SimpleNamespace(
-        places=Places(layout, reached=(reached,)), plant=SimpleNamespace(layout=layout)
+    path = tmp_path / "plant.yaml"
+    path.write_text("""\
+plant: slide
+nodes: {rod: {kind: translation, mass: 10 kg}}
+elements:
+  seals:  {kind: friction, on: rod, viscous: 100 N*s/m, coulomb: 30 N}
+  motor:  {kind: linear_motor, on: rod, force_constant: 1 N/V}
+inputs:   {command: motor.voltage}
+channels: {position: rod.position, velocity: rod.velocity}
+calibrate: [{parameter: seals.coulomb, within: 10 %}]
+""")
+    model = load_model(path)
+    layout, vector = model.plant.layout, model.vector()
+    keys = ("stribeck_friction.excess_force", "stribeck_friction.stribeck_velocity")
+    size, shape = (layout.index[key] for key in keys)
+    vector[size], vector[shape], vector[layout.index["seals.coulomb"]] = 20.0, velocity, coulomb
+    reached = ReachedBounds(keys[1], (), {(): (-float("inf"), 0.06)})
+    item = Accepted(
+        Start("stribeck_friction", (), size, 0.0, 20.0, 0.0, 1e6, keys, "force"), GOOD, ()
     )
     search = SimpleNamespace(
         thresholds=DEFAULT,
-        problem=problem,
+        problem=SimpleNamespace(
+            places=Places(layout, reached=(reached,)), plant=model.plant, beliefs=beliefs_of(model)
+        ),
         fit=SimpleNamespace(vector=vector),
         excess_base=SimpleNamespace(relative=50.0, significance=40.0),
+        effects=[item],
     )
-    item = Accepted(start, GOOD, ())
-    search.effects = [item]
-    vector[setting] = 7e6
-    assert _against(search, item) == (
-        "its setting is at the bound that the recordings set, 7e+06 Pa"
-    )
-    vector[setting] = 7.5e6
-    assert _against(search, item) == ""
+    text = _against(search, item)
+    assert says in text if says else text == ""
 
 
 @pytest.mark.parametrize(
@@ -230,7 +253,9 @@ def test_an_effect_beside_another_whose_size_may_be_nothing(low, p_value, refuse
         items.append(Accepted(start, replace(GOOD, p_value=p), ()))
         told.append(FoundEffect(name, "flow", {size: Estimate(0.02, least, 0.03, "")}))
     end = replace(found(), revised=SimpleNamespace(vector=lambda: vector), effects=tuple(told))
-    problem = SimpleNamespace(places=NOTHING_REACHED.places, plant=SimpleNamespace(layout=layout))
+    problem = SimpleNamespace(
+        places=NOTHING_REACHED.places, plant=SimpleNamespace(layout=layout), beliefs=()
+    )
     search = SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem)
     against = against_the_end(search, end)
     assert (None if against is None else against[0].start.candidate) == refused

@@ -17,6 +17,8 @@ class ChannelRoles:
     Attributes:
         rates: speeds and velocities: 0 at rest.
         rate_of: channel of a position -> the state that is its rate.
+        geared: channel of a part behind a gear -> the state that it moves with, and how many times
+            as fast it moves, as declared.
         turning: rate -> the state that is its angle, where something may repeat with the turn.
         pressures: pressures that are states.
         pair: the two chambers whose difference and sum are looked at, () where there are none.
@@ -34,6 +36,7 @@ class ChannelRoles:
 
     rates: tuple[str, ...] = ()
     rate_of: Mapping[str, str] = field(default_factory=dict)
+    geared: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     turning: Mapping[str, str] = field(default_factory=dict)
     pressures: tuple[str, ...] = ()
     pair: tuple[str, ...] = ()

@@ -430,12 +430,12 @@ class Plant:
         """
         return {}
 
-    def through_cells(
+    def through_parts(
         self,
         vector: FloatArray,
         readings: Mapping[str, float],
     ) -> dict[str, float]:
-        """Return positions that a load cell between them and another part tells of, SI.
+        """Return states that readings of other parts tell of through gears and load cells, SI.
 
         Args:
             vector: parameters. readings: channel -> reading at one sample, SI; any channels.

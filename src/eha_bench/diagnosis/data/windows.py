@@ -14,7 +14,7 @@ moves for long, in parts of a second: how many simulations a window takes grows 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -34,6 +34,8 @@ _FEWEST = 100
 """Least readings of a window in which a position that is controlled tells enough."""
 _HALF_FIT = 8
 """Most ticks on either side of one from which its state is taken."""
+_RESTED = 5
+"""Fewest samples of a speed, all within the noise of nothing, from which a run begins at rest."""
 _ENOUGH = 7
 """Samples around a tick that say how far a polynomial through them may be off."""
 _FEWEST_BESIDE = 3
@@ -72,10 +74,10 @@ def cut_windows(
         length: shortest window of a run that is cut, s.
     """
     n = measured.time.size
-    starts = [0]
     allowed = None if is_whole(measured) else _permitted_starts(measured, noise)
+    starts = [0 if allowed is None else _first_start(measured, noise, allowed)]
     forced = set(measured.breaks)
-    for k in range(1, n):
+    for k in range(starts[0] + 1, n):
         long_enough = measured.time[k] - measured.time[starts[-1]] >= length
         if k in forced or (allowed is not None and long_enough and allowed[k]):
             starts.append(k)
@@ -87,6 +89,18 @@ def cut_windows(
     if not _is_shaken(measured):
         return windows
     return [part for window in windows for part in split(window, LONGEST_SHAKEN)]
+
+
+def _first_start(measured: Measured, noise: Mapping[str, float], allowed: BoolArray) -> int:
+    """Return the tick at which a run's first window starts: where what nobody logs is known.
+
+    A run that begins at rest starts at its first sample. In the midst of a motion, what a valve's
+    spool and a drive were asked for before it is not in the log.
+    """
+    if not (_begins_in_motion(measured, noise) or _turns_at_first(measured, noise)):
+        return 0
+    within = np.flatnonzero(allowed[: np.searchsorted(measured.time, FREE_WINDOW)])
+    return int(within[0]) if within.size else 0
 
 
 def is_whole(measured: Measured) -> bool:
@@ -207,7 +221,7 @@ def _start(
     """State at a window's start from the measurement around it, and how far it may be off."""
     state: dict[str, float] = dict(measured.held)
     spread: dict[str, float] = {}
-    lead = _rest_length(measured, noise) if rested else 0
+    lead = _lead(measured, noise) if rested else 0
     for name in measured.outputs:
         column = measured.column(name)
         if column is None:
@@ -223,7 +237,7 @@ def _start(
             if name in measured.roles.rates:
                 at_rest = abs(part.mean()) < 4.0 * loud / np.sqrt(part.size) + 1e-12
                 state[name] = 0.0 if at_rest else float(part.mean())
-                if at_rest:
+                if at_rest and part.size >= _RESTED:
                     continue
             spread[name] = max(3.0 * loud / np.sqrt(part.size), 0.1 * sigma)
         else:
@@ -236,7 +250,27 @@ def _start(
                 continue
             state[name] = local[0]
             spread[name] = 10.0 * sigma + local[1]
-    _derive_velocity(measured, first, noise, lead, state, spread)
+    _spread_through_gears(measured, state, spread)
+    if lead <= 1:
+        _derive_velocities(measured, first, noise, state, spread)
+    _start_of_acting(measured, first, lead, state, spread)
+    if measured.run.locked:
+        for name in measured.roles.locked:
+            if name in measured.roles.rates:
+                state.pop(name, None)
+                spread.pop(name, None)
+    _turn(measured, first, noise, state, spread)
+    return state, spread
+
+
+def _start_of_acting(
+    measured: Measured,
+    first: int,
+    lead: int,
+    state: dict[str, float],
+    spread: dict[str, float],
+) -> None:
+    """Set what acts in a drive at a tick: what was read there, or asked for before."""
     for name, asked in measured.roles.acting.items():
         command = measured.inputs.get(asked)
         current = measured.column(name)
@@ -248,13 +282,6 @@ def _start(
         if lead > 0:
             state[name] = _start_current(measured, name, state)
         spread.pop(name, None)
-    if measured.run.locked:
-        for name in measured.roles.locked:
-            if name in measured.roles.rates:
-                state.pop(name, None)
-                spread.pop(name, None)
-    _turn(measured, first, noise, state, spread)
-    return state, spread
 
 
 def _turn(
@@ -294,47 +321,97 @@ def _start_current(measured: Measured, name: str, state: Mapping[str, float]) ->
     return value
 
 
-def _derive_velocity(
+def _spread_through_gears(
+    measured: Measured, state: Mapping[str, float], spread: dict[str, float]
+) -> None:
+    """Set how far states may be off that channels behind gears tell of (`through_parts`)."""
+    for name, (shown, ratio) in measured.roles.geared.items():
+        if name in spread and shown not in state and shown not in measured.inputs:
+            spread[shown] = spread[name] / abs(ratio)
+
+
+def _unread_rates(measured: Measured) -> Iterator[tuple[str, str]]:
+    """Yield positions with their rates, where nothing reads or holds these."""
+    roles, run = measured.roles, measured.run
+    read = {*measured.inputs}
+    read |= {name for name in measured.outputs if measured.column(name) is not None}
+    told = {shown for name, (shown, _) in roles.geared.items() if name in read}
+    for name, rate in roles.rate_of.items():
+        if rate not in read | told and not (run.locked and name in roles.locked):
+            yield name, rate
+
+
+def _derive_velocities(
     measured: Measured,
     first: int,
     noise: Mapping[str, float],
-    lead: int,
     state: dict[str, float],
     spread: dict[str, float],
 ) -> None:
-    """Where no velocity is logged, take the slope of the position."""
-    if lead > 1:
-        return
-    for name, rate in measured.roles.rate_of.items():
-        held = measured.run.locked and name in measured.roles.locked
-        if rate not in state and not held and rate not in measured.inputs:
-            _slope(measured, first, noise, name, rate, state, spread)
+    """Where nothing reads a velocity, take the slope of its position."""
+    for name, rate in _unread_rates(measured):
+        if rate not in state and (slope := _slope(measured, first, noise, name)) is not None:
+            state[rate], spread[rate] = slope
+
+
+def _lead(measured: Measured, noise: Mapping[str, float]) -> int:
+    """Return the samples from a run's start over which all rests, 1 where it begins in motion."""
+    return 1 if _begins_in_motion(measured, noise) else _rest_length(measured, noise)
+
+
+def _begins_in_motion(measured: Measured, noise: Mapping[str, float]) -> bool:
+    """Whether a position whose velocity nothing reads has a slope at a run's start.
+
+    A slow channel has few samples before it leaves the noise, and seems to rest so long.
+    """
+    return bool(first_velocities(measured, noise))
+
+
+def first_velocities(measured: Measured, noise: Mapping[str, float]) -> dict[str, float]:
+    """Return the velocities at a run's start that nothing reads, and that positions show, SI.
+
+    Those that may as well be zero are left out.
+
+    Args:
+        measured: the run. noise: channel -> standard deviation of its noise, SI.
+    """
+    slopes = ((rate, _slope(measured, 0, noise, name)) for name, rate in _unread_rates(measured))
+    return {rate: slope[0] for rate, slope in slopes if slope and abs(slope[0]) > slope[1]}
+
+
+def _turns_at_first(measured: Measured, noise: Mapping[str, float]) -> bool:
+    """Whether a speed that was logged is not that of rest in a run's first samples."""
+    for name in measured.roles.rates:
+        column = measured.column(name)
+        if column is None:
+            continue
+        part = column[: 2 * _HALF_FIT]
+        part = part[np.isfinite(part)][:_RESTED]
+        sigma = noise.get(name, 0.0)
+        if part.size and float(np.abs(part).min()) > 4.0 * sigma:
+            return True
+    return False
 
 
 def _slope(
-    measured: Measured,
-    first: int,
-    noise: Mapping[str, float],
-    name: str,
-    rate: str,
-    state: dict[str, float],
-    spread: dict[str, float],
-) -> None:
+    measured: Measured, first: int, noise: Mapping[str, float], name: str
+) -> tuple[float, float] | None:
+    """Return the velocity behind a position at a tick, and how far it may be off; None for none."""
     position = measured.column(name)
     if position is None:
-        return
+        return None
     around = _around(measured, first)
     t, x = measured.at(name, around), position[around]
     good = np.isfinite(x)
     if good.sum() < 4:
-        return
+        return None
     t = t[good] - measured.time[first]
     slope = float(np.polyfit(t, x[good], 2 if good.sum() > 5 else 1)[-2])
-    state[rate] = slope
     sigma = noise.get(name, 0.0)
     random = 10.0 * sigma / float(np.sqrt(np.sum((t - t.mean()) ** 2)) + 1e-300)
     further = float(np.polyfit(t, x[good], 3)[-2]) if good.sum() > 6 else slope
-    spread[rate] = random + 3.0 * abs(further - slope)
+    _, ratio = measured.roles.geared.get(name, ("", 1.0))
+    return slope / ratio, (random + 3.0 * abs(further - slope)) / abs(ratio)
 
 
 def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:

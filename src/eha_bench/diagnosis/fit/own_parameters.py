@@ -66,7 +66,7 @@ _NEAR = 1e-3
 
 @dataclass(frozen=True)
 class ReachedBound:
-    """A bound by what was measured, SI, and the key of what stands at it."""
+    """The most that a number may be by what was measured, SI, and its key."""
 
     key: str
     value: float
@@ -100,12 +100,15 @@ class Places:
         )
 
     def bound_met(self, keys: Iterable[str], vector: FloatArray) -> ReachedBound | None:
-        """Return the first of some numbers that stands at a bound by what was measured, or None."""
+        """Return the first of some numbers that is as large as measurements let it be, or None.
+
+        A least setting of a valve is only where it is no longer told from a leak; what is fitted
+        there may well be a valve.
+        """
         for key in keys:
-            value = float(vector[self.index[key]])
-            for bound in self.bounds(key, vector):
-                if np.isfinite(bound) and abs(value - bound) <= _NEAR * abs(bound):
-                    return ReachedBound(key, bound)
+            _, most = self.bounds(key, vector)
+            if np.isfinite(most) and float(vector[self.index[key]]) >= (1.0 - _NEAR) * most:
+                return ReachedBound(key, most)
         return None
 
     @cached_property

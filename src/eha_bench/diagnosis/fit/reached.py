@@ -6,7 +6,7 @@ two apart. So a setting is no lower than what is reached half of the time.
 
 A friction that is still falling at the fastest speed is a curve like any other: with a viscous
 friction beside it, it is as good as a drag that grows with the square of the speed. So the speed by
-which it falls is at most a third of the fastest: of an exponential, 5 % are left there.
+which it falls is at most a fifth of the fastest: of an exponential, less than 1 % is left there.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from eha_bench.plants.layout import Layout
 
 _SAMPLES = 2000
 """Samples that a median is taken over, evenly spread."""
-_FADED = 1.0 / 3.0
+_FADED = 1.0 / 5.0
 """Largest speed by which something falls, as a share of the fastest."""
 _STRETCH = 0.02
 """Time over which a speed is read from a position, s."""

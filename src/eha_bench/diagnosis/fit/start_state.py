@@ -25,7 +25,7 @@ def starts_of(
     plant = at.plant
     starts, readings = [], []
     for drive, first in zip(drives.items, measured, strict=True):
-        implied = plant.through_cells(at.vector, {**drive.first_values, **first})
+        implied = plant.through_parts(at.vector, {**drive.first_values, **first})
         read = {name: value for name, value in first.items() if name in plant.states}
         starts.append({**implied, **plant.at_rest(read), **read})
         readings.append(read)

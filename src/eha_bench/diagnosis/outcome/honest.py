@@ -28,6 +28,8 @@ from eha_bench.diagnosis.search.backward import (
 )
 from eha_bench.diagnosis.search.state import Accepted, Search
 
+_FAR = 3.0 * sqrt(3.0)
+"""Standard deviations of a belief from which a value contradicts it: three times `within`."""
 _NOT_DISTINCT = (
     "its size is not distinct from zero, and the error without it has no structure in time"
 )
@@ -75,7 +77,7 @@ def against_the_end(search: Search, found: Diagnosis) -> tuple[Accepted, str] | 
     """
     vector = found.revised.vector()
     for item in search.effects:
-        if reason := _at_bound(search, item, vector):
+        if reason := _beyond(search, item, vector):
             return item, reason
     for item in sorted(search.effects, key=lambda item: item.comparison.gain):
         if len(search.effects) > 1 and _may_be_nothing(search, item, found):
@@ -100,6 +102,33 @@ def _may_be_nothing(search: Search, item: Accepted, found: Diagnosis) -> bool:
     return unclear and size.low <= start.neutral <= size.high
 
 
+def _beyond(search: Search, item: Accepted, vector: FloatArray) -> str:
+    """Say that an effect is at a bound, or what it changes beyond what is believed, or nothing."""
+    return _at_bound(search, item, vector) or _beyond_belief(search, item, vector)
+
+
+def _beyond_belief(search: Search, item: Accepted, vector: FloatArray) -> str:
+    """Say that what an effect is added to is no longer what was declared, or nothing.
+
+    An excess over a level that the fit has taken away is another law by this one's name: a drag
+    that grows with the square of the speed, where that level is lower and the viscous part higher.
+    """
+    problem = search.problem
+    layout = problem.plant.layout
+    effect = layout.effect(item.start.candidate)
+    needed = effect.needed(layout.choice_values(effect, vector))
+    for belief in problem.beliefs:
+        if belief.key == needed:
+            now = float(vector[belief.at])
+            if abs(now - belief.value) > _FAR * belief.deviation:
+                unit = layout.by_key[belief.key].unit
+                return (
+                    f"with it, {belief.key} would be {now:.4g} {unit}, which is far from what is "
+                    f"believed of it, {belief.value:.4g} {unit}"
+                )
+    return ""
+
+
 def _at_bound(search: Search, item: Accepted, vector: FloatArray) -> str:
     """Say that an effect's strength, or what was measured of it, stands at a bound, or nothing."""
     bound = item.start.bound_met(vector)
@@ -118,7 +147,7 @@ def _at_bound(search: Search, item: Accepted, vector: FloatArray) -> str:
 def _against(search: Search, item: Accepted) -> str:
     """Say what speaks against an effect that was added, or nothing."""
     start, found, limits = item.start, item.comparison, search.thresholds
-    if reason := _at_bound(search, item, search.fit.vector):
+    if reason := _beyond(search, item, search.fit.vector):
         return reason
     if found.explained_out <= 0.0 or found.gain_out <= 0.0:
         return "it explains nothing on runs left out of the fit"

@@ -123,9 +123,19 @@ def roles_of_channels(
     read = {output.state for output in system.outputs}
     joined = [end for part, ends in system.load_cells() if part.name not in shown for end in ends]
     bent = [positions[item.name] for item in joined if item.position not in read]
+    geared, geared_rates, geared_rate_of = {}, [], {}
+    for output, item in system.geared_channels():
+        moving = output.quantity in ("speed", "velocity")
+        state = names[item.speed if moving else item.position]
+        geared[output.channel] = state, system.declared_ratio(output.of)
+        if moving:
+            geared_rates.append(output.channel)
+        else:
+            geared_rate_of[output.channel] = rates[item.name]
     return ChannelRoles(
-        rates=tuple(rates.values()),
-        rate_of={positions[name]: rates[name] for name in positions},
+        rates=(*rates.values(), *geared_rates),
+        rate_of={**{positions[name]: rates[name] for name in positions}, **geared_rate_of},
+        geared=geared,
         turning=turning,
         pressures=pressures,
         pair=pair,

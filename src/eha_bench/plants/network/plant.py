@@ -698,7 +698,11 @@ class NetworkPlant(Plant):
             if "pressure_b" in readings:
                 found["pressure_a"] = readings["pressure_b"] + difference
         found = {name: value for name, value in found.items() if name in self.state_places}
-        return {**self.through_cells(vector, {**readings, **found}), **found}
+        return {**self.through_parts(vector, {**readings, **found}), **found}
+
+    @cached_property
+    def _geared_nodes(self) -> dict[str, str]:
+        return {output.channel: output.of for output, _ in self.system.geared_channels()}
 
     @cached_property
     def _cells(self) -> tuple[tuple[str, str, str, str], ...]:
@@ -720,9 +724,17 @@ class NetworkPlant(Plant):
             found.append((key, shown.get(part.name, ""), first, second))
         return tuple(found)
 
-    def through_cells(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:
-        """Return a position beyond a load cell: as far off as the force that it reads bends it."""
+    def through_parts(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:
+        """Return states that readings of other parts tell of.
+
+        A speed or a position behind gears is that of its coordinate by their ratio; a position
+        beyond a load cell is as far off as the force that it reads bends it.
+        """
         found: dict[str, float] = {}
+        for channel, (state, _) in self.roles.geared.items():
+            if channel in readings and state not in readings:
+                found[state] = readings[channel] / self._turns(vector, self._geared_nodes[channel])
+        readings = {**found, **readings}
         for key, force, first, second in self._cells:
             stiffness = float(vector[self.system.index[key]])
             bent = readings.get(force, 0.0) / stiffness if stiffness > 0.0 else 0.0

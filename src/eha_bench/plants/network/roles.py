@@ -6,7 +6,6 @@ over the state that is shown to them (`X`), signals (`S`) and parameters (`P`).
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -163,8 +162,7 @@ def usual_flow(system: System) -> float:
 
 def _ratio(system: System, node: str) -> float:
     """Return how fast a node moves relative to its coordinate, where a gear says so."""
-    between = system.between(node)
-    return math.prod(abs(_default(system, part.name, "ratio")) or 1.0 for part in between)
+    return abs(system.declared_ratio(node))
 
 
 def _usual_position(system: System, item: Coordinate) -> float:

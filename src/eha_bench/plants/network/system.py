@@ -937,6 +937,22 @@ class System:
             node = part.element.ports[tie.leader]
         return found
 
+    def declared_ratio(self, node: str) -> float:
+        """Return how many times as fast as its coordinate a node moves, as declared."""
+        keys = [self.slot_of.get(f"{part.name}.ratio") for part in self.between(node)]
+        return math.prod(
+            self.parameters[self.index[key]].default or 1.0 for key in keys if key is not None
+        )
+
+    def geared_channels(self) -> list[tuple[Output, Coordinate]]:
+        """Return channels of nodes behind gears alone, with the coordinate that they move with."""
+        return [
+            (output, self.leader_of(output.of))
+            for output in self.outputs
+            if output.of in self.leaders
+            and all(part.element.kind.id == "gear" for part in self.between(output.of))
+        ]
+
     def nodes_on(self, item: Coordinate) -> list[str]:
         """Return a coordinate's own node, and those that move with it."""
         return [item.name, *(n for n, chain in self.leaders.items() if chain[-1] == item.name)]
