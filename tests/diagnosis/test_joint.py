@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from fixtures.rig.case import Conditions, Plan, record_case
@@ -10,8 +12,12 @@ from fixtures.rig.plans import by_id
 
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.baseline import calibrated_baseline
+from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, Improvement
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
+from eha_bench.diagnosis.search import joint as module
 from eha_bench.diagnosis.search.joint import joint
-from eha_bench.diagnosis.search.state import begin
+from eha_bench.diagnosis.search.state import Accepted, begin
 
 
 @pytest.mark.slow(31)
@@ -32,3 +38,53 @@ def test_no_pair_is_made_of_what_is_outside_the_list(tmp_path: Path) -> None:
     assert not joint(search)
     assert search.fit is fit
     assert not search.accepted
+
+
+@pytest.mark.parametrize(
+    ("gained", "alone", "taken"),
+    [
+        ((500.0, 2.0), 102.0, "entrained_air"),
+        ((2.0, 500.0), 102.0, "relief_valve"),
+        # the other one is needed after all: without it the first explains little
+        ((500.0, 2.0), 590.0, None),
+        # neither is, or both are
+        ((2.0, 2.0), 102.0, None),
+        ((500.0, 500.0), 102.0, None),
+    ],
+)
+def test_one_of_two_is_taken_that_the_other_only_led_to(
+    monkeypatch: pytest.MonkeyPatch,
+    gained: tuple[float, float],
+    alone: float,
+    taken: str | None,
+) -> None:
+    def improvement(gain: float) -> Improvement:
+        share = gain / 500.0
+        return Improvement(gain, gain, share, share, 1e-9 if gain > 10.0 else 0.5, 1.0, 0.9)
+
+    items = [Accepted(_start(name), NOT_COMPARED, ()) for name in ("entrained_air", "relief_valve")]
+    search: Any = SimpleNamespace(
+        accepted=items,
+        thresholds=DEFAULT,
+        problem=None,
+        groups=None,
+        base=SimpleNamespace(cost=600.0),
+        fit=SimpleNamespace(cost=100.0),
+        excess_base=SimpleNamespace(total=500.0, relative=0.5, significance=40.0, size=4000),
+    )
+    monkeypatch.setattr(module, "without", lambda *_: SimpleNamespace(cost=alone))
+    monkeypatch.setattr(module, "excess", lambda *_: "left")
+    monkeypatch.setattr(module, "compare", lambda base, fit, *_: improvement(base.cost - fit.cost))
+    found = [improvement(gain) for gain in gained]
+    assert module._is_one(search, found, 600.0) is (taken is not None)
+    if taken is None:
+        assert search.accepted is items
+    else:
+        (item,) = search.accepted
+        assert item.start.candidate == taken
+        assert search.fit.cost == alone
+        assert search.excess_left == "left"
+
+
+def _start(name: str) -> Start:
+    return Start(name, (), 0, 0.0, 0.02, 0.0, 0.5, (f"{name}.size",), "flow")

@@ -9,6 +9,7 @@ System, 1976), of which a stepwise search is the narrowest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
@@ -33,7 +34,10 @@ _LARGER = 0.4
 
 
 def joint(search: Search) -> bool:
-    """Replace what was found by two that explain more together; return whether they do."""
+    """Replace what was found by two that explain more together; return whether they do.
+
+    Or by one of them, where the other only led it out of a place in which it had been caught.
+    """
     limits, kept = search.thresholds, search.snapshot()
     search.accepted, search.fit = [], search.base
     search.excess_left = search.excess_base
@@ -53,15 +57,42 @@ def joint(search: Search) -> bool:
     enough = search.excess_base.total - search.excess_left.total >= least
     found = [_beside(search, item) for item in search.accepted]
     more = search.fit.cost <= kept.fit.cost - limits.gain
-    if not (enough and more and all(limits.allow(item) for item in found)):
+    if not (enough and more):
         search.restore(kept)
         return False
-    search.accepted = [
-        replace(item, comparison=comparison)
-        for item, comparison in zip(search.accepted, found, strict=True)
-    ]
+    if all(map(limits.allow, found)):
+        search.accepted = [
+            replace(item, comparison=comparison)
+            for item, comparison in zip(search.accepted, found, strict=True)
+        ]
+    elif not _is_one(search, found, kept.fit.cost):
+        search.restore(kept)
+        return False
     settle(search)
     rebase(search)
+    return True
+
+
+def _is_one(search: Search, found: Sequence[Improvement], before: float) -> bool:
+    """Take the one of two that the other only led to; return whether it explains enough alone.
+
+    Args:
+        search: with both. found: what each gains over the other. before: cost of what was found.
+    """
+    limits, items = search.thresholds, search.accepted
+    needed = [item for item, gained in zip(items, found, strict=True) if limits.allow(gained)]
+    if len(needed) != 1:
+        return False
+    (item,) = needed
+    idle = next(other for other in items if other is not item)
+    alone = without(search, idle)
+    missing = search.excess_base
+    gained = compare(search.base, alone, search.groups, missing.total)
+    clear = limits.allow(gained) and limits.is_enough(gained, missing, 0)
+    if not (clear and alone.cost <= before - limits.gain):
+        return False
+    search.accepted, search.fit = [replace(item, comparison=gained)], alone
+    search.excess_left = excess(search.problem, alone)
     return True
 
 
