@@ -9,6 +9,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.note import Note
+from eha_bench.core.slow_channel import readings_of
 from eha_bench.recordings.channel_map import ChannelEntry, Duplicates, Repair, StepsBack
 from eha_bench.recordings.track import Column, Stamps, Track
 
@@ -196,6 +197,11 @@ def nan_note(name: str, values: Column, time: FloatArray) -> list[str]:
     count = int(np.count_nonzero(bad))
     if not count:
         return []
+    readings = readings_of(values)
+    if readings.every > 1:
+        lost = ", {missing:d} of its readings are missing" if readings.missing else ""
+        text = "channel '{channel}' has one reading in {every:d} samples" + lost
+        return [Note(text, channel=name, every=readings.every, missing=readings.missing)]
     at = time[int(np.argmax(bad))]
     return [
         Note(

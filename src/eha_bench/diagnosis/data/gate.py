@@ -16,6 +16,7 @@ from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.note import Note, merged_notes, of_run
 from eha_bench.core.recording import Recording
+from eha_bench.core.slow_channel import readings_of
 from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
@@ -338,7 +339,7 @@ def admit(
             )
             good &= ~still
         if not good.all():
-            gaps = int((~np.isfinite(raw)).sum())
+            gaps = readings_of(raw).missing
             if gaps and not apart:
                 notes.append(
                     Note(

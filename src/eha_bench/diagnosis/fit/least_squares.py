@@ -333,8 +333,9 @@ class _Descent:
             np.multiply(self._matrix, self._weight[:, None], out=self._weighted)
             normal, gradient = self._weighted.T @ self._weighted, self._weighted.T @ self._soft
             step = _bounded_step(normal, gradient, self._damping, self.vector, self.free)
-            if attempt == 0:
-                promised = -float(step @ (2.0 * gradient + normal @ step))
+            if attempt < tries:
+                # cut at its bounds, the longest step may promise nothing where shorter ones do
+                promised = max(promised, -float(step @ (2.0 * gradient + normal @ step)))
             trial = _vector_after(self.vector, self.free, step)
             done = np.array([trial[item.at] - self.vector[item.at] for item in self.free])
             done = done / self._scales

@@ -11,11 +11,19 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
 from eha_bench.diagnosis.fit.evidence import compare
+from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.exchange import CLOSE
-from eha_bench.diagnosis.search.refit import Near, is_bent, polish_afresh, polish_at_rest, refit
+from eha_bench.diagnosis.search.refit import (
+    Near,
+    free_of,
+    is_bent,
+    polish_afresh,
+    polish_at_rest,
+    refit,
+)
 from eha_bench.diagnosis.search.screen import Screen, Screened
 from eha_bench.diagnosis.search.settle import refine
 from eha_bench.diagnosis.search.start_angles import with_own_angles
@@ -40,6 +48,8 @@ _MOSTLY = 0.3
 """Share of the excess that may be left before effects of the shaft's angle are worth a scan."""
 _LEAST_EXCESS = 30.0
 """Least excess, in cost, that is."""
+_HALF, _NEARLY_ALL = 0.5, 0.98
+"""Shares of what is missing between which a candidate's shape may be off."""
 _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
@@ -188,11 +198,25 @@ def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     least = rival_share(CLOSE, top, search.excess_left.total) * top
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
     if len(close) < 2:
-        return order
+        return [*(_with_its_shape(search, item) for item in order[:1]), *order[1:]]
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
     done = [replace(t, fit=polish_at_rest(search, t.fit, [t.start])) for t in close]
     return [*done, *(item for item in order if all(item is not other for other in close))]
+
+
+def _with_its_shape(search: Search, trial: Refit) -> Refit:
+    """Fit the best candidate on by slopes of its own, where it may fall short by its shape.
+
+    Size and shape of what acts in few instants (iron that saturates) are nearly one number until
+    both are right, and slopes over a large change lead nowhere there.
+    """
+    gained, missing = search.fit.cost - trial.fit.cost, search.excess_left.total
+    if len(trial.start.keys) < 2 or not _HALF * missing < gained < _NEARLY_ALL * missing:
+        return trial
+    free = free_of(search, trial.fit.vector, [trial.start])
+    fit = levenberg_marquardt(search.problem, trial.fit.vector, free, refresh=4)
+    return replace(trial, fit=fit) if fit.cost < trial.fit.cost else trial
 
 
 def _ranking(

@@ -9,7 +9,7 @@ fraction of what a refit gains, but their order holds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,19 +101,31 @@ class Screen:
         return Screened(start, amplitude, gain, column.astype(np.float32))
 
     def refined(self, item: Screened, layout: Layout) -> Screened:
-        """Return a candidate's start with its thresholds, knees and times moved to gain more.
+        """Return a candidate's start with its size, thresholds, knees and times moved to gain more.
 
         A fit does not find its way to a setting that is never reached, or that always is: what
         opens at 7.6 MPa looks like nothing at 9.5 and like a leak at 7.1. One after the other is
         therefore moved by steps that become smaller (coordinate search: Hooke, Jeeves, J. ACM 8
-        (1961) 212, doi:10.1145/321062.321069).
+        (1961) 212, doi:10.1145/321062.321069). The size is moved as well, before and after: what
+        iron that saturates does grows with a high power of it, and a slope tells little.
         """
+        item = self._best_size(item)
         places = {layout.index[key]: layout.by_key[key] for key in item.start.keys}
         for at, value in item.start.settings:
             parameter = places.get(at)
             if parameter is None or at == item.start.strength_at or value <= 0.0:
                 continue
             item = self._best_setting(item, at, parameter)
+        return self._best_size(item)
+
+    def _best_size(self, item: Screened) -> Screened:
+        for step in _STEPS:
+            for factor in (step, 1.0 / step):
+                while True:
+                    found = self._at(item.start, item.amplitude * factor)
+                    if found is None or found.gain <= item.gain:
+                        break
+                    item = replace(found, amplitude=item.amplitude * factor)
         return item
 
     def _best_setting(self, item: Screened, at: int, parameter: Parameter) -> Screened:
