@@ -58,6 +58,12 @@ def test_units_are_converted_and_the_rest_keeps_its_default(tmp_path) -> None:
         ("charge_pressure: 6 bar", "charge_pressure: [1, 2]", 7, "expected one number"),
         ("at: pressure_b", "at: pressure_c", 8, "it may act at: all, pressure_a, pressure_b"),
         ("at: pressure_b", "at: 1", 8, "cannot act at"),
+        (
+            "at: pressure_b",
+            "at: [pressure_a, pressure_b]",
+            8,
+            "names one place, or all of its kind",
+        ),
         ("effect: pressure_sensor_offset", "effct: x", 8, "key 'effect' is missing"),
         ("effect: pressure_sensor_offset", "effect: anti_cavitation", 8, ""),
         ("parameters:", "params:", 2, "unknown key"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from eha_bench.core.yaml_file import Real, StrictModel
 
@@ -17,6 +17,12 @@ class CalibrateEntry(StrictModel):
         Real | str | None,
         Field(description="what the true value may be off by: 10 % of it, or an amount"),
     ] = None
+
+
+def _at_one_place(effect: Any) -> Any:
+    if isinstance(effect, dict) and isinstance(effect.get("at"), list):
+        raise ValueError("`at` names one place, or all of its kind by the word 'all'")
+    return effect
 
 
 class ModelFile(StrictModel):
@@ -58,8 +64,8 @@ class ModelFile(StrictModel):
         default_factory=list,
         description="unmeasured parameters that differ from run to run",
     )
-    effects: list[dict[str, Real | str | list[Real]]] = Field(
-        default_factory=list, description="declared effects, in the order they were added"
+    effects: list[Annotated[dict[str, Real | str | list[Real]], BeforeValidator(_at_one_place)]] = (
+        Field(default_factory=list, description="declared effects, in the order they were added")
     )
 
     @model_validator(mode="after")

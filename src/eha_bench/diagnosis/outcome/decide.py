@@ -198,7 +198,8 @@ def _decision_with_curve(
     period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
     text = _acting(template.equation, template.place)
     if share > search.thresholds.follows:
-        text += f" and depends on {template.variable}"
+        comma = "," if "," in text else ""
+        text += f"{comma} and depends on {template.variable}"
         if period:
             text += f", periodic with {period:.4g} (SI)"
         text += f"; a learned curve explains {per_cent(share)} of the excess"
@@ -233,4 +234,4 @@ def _acting(equation: str, place: str) -> str:
     if equation == "measurement" and place:
         return f"something acts in the measurement of {place}"
     text = f"something acts in the {equation} balance"
-    return f"{text}, best described at '{place}'," if place else text
+    return f"{text}, best described at '{place}'" if place else text
