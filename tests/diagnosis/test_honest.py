@@ -106,7 +106,7 @@ NOTHING_REACHED = SimpleNamespace(
     plant=SimpleNamespace(
         layout=SimpleNamespace(
             effect=lambda _id: SimpleNamespace(
-                strength=SimpleNamespace(name="size"), needed=lambda _values: None
+                strength=SimpleNamespace(name="size"), needed=lambda _values: None, parameters=()
             ),
             choice_values=lambda _effect, _vector: {},
         )
@@ -224,6 +224,34 @@ def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
     )
     assert (None if told is None else told[0].start.candidate) == refused
     assert told is None or says in told[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("pump_ripple", "over windows it explains 91 %, but over a whole run a small error of the"),
+        ("entrained_air", ""),
+    ],
+)
+def test_what_follows_an_angle_that_nothing_reads_is_said_to_lose_its_phase(name, says):
+    from eha_bench.plants.registry import get_plant
+
+    plant = get_plant("eha_knee")
+    layout = plant.layout
+    vector = layout.defaults()
+    at = layout.index[f"{name}.{layout.effect(name).strength.name}"]
+    vector[at] = 0.02
+    start = Start(name, (), at, 0.0, 0.02, 0.0, 0.5, (), "flow")
+    items = [Accepted(start, replace(GOOD, share=0.95, share_out=0.91), ())]
+    end = replace(
+        found(holdout={"p": error(1.0, 1.5)}), revised=SimpleNamespace(vector=lambda: vector)
+    )
+    problem = SimpleNamespace(places=NOTHING_REACHED.places, plant=plant, beliefs=())
+    search = SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem)
+    (_, reason) = against_the_end(search, end)
+    assert "held-out runs grows" in reason
+    assert says in reason
+    assert ("phase" in reason) is bool(says)
 
 
 @pytest.mark.parametrize(

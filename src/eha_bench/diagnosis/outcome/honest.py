@@ -16,6 +16,7 @@ from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -83,8 +84,24 @@ def against_the_end(search: Search, found: Diagnosis) -> tuple[Accepted, str] | 
         if len(search.effects) > 1 and _may_be_nothing(search, item, found):
             return item, "its interval holds zero beside the others, and its gain is not clear"
     if reason := worse(found, search.thresholds):
-        return min(search.effects, key=lambda item: item.comparison.gain), reason
+        item = min(search.effects, key=lambda item: item.comparison.gain)
+        return item, reason + _of_lost_phase(search, item, vector)
     return None
+
+
+def _of_lost_phase(search: Search, item: Accepted, vector: FloatArray) -> str:
+    """Say what windows hold for what follows an angle that nothing reads, or nothing."""
+    layout = search.problem.plant.layout
+    effect = layout.effect(item.start.candidate)
+    if not is_periodic(effect):
+        return ""
+    if any(spot.angle for spot in effect.spots_at(layout.choice_values(effect, vector))):
+        return ""
+    share = min(item.comparison.share, item.comparison.share_out, 1.0)
+    return (
+        f"; over windows it explains {per_cent(max(share, 0.0))}, but over a whole run a small "
+        "error of the speed loses its phase: log the angle that it follows"
+    )
 
 
 def _may_be_nothing(search: Search, item: Accepted, found: Diagnosis) -> bool:
