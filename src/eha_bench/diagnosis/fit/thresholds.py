@@ -97,9 +97,9 @@ class Thresholds:
         "chosen on blind rigs",
     )
     nearly_all: float = _threshold(
-        0.95,
+        0.8,
         "part of the excess that leaves next to nothing",
-        "chosen on blind rigs",
+        "chosen on blind rigs: a law of another form leaves as much",
     )
     runs_better: float = _threshold(
         0.5,
