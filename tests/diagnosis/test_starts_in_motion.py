@@ -87,13 +87,6 @@ def test_a_prediction_starts_at_the_speed_behind_a_gear(tmp_path: Path) -> None:
         assert item.errors["motor_speed"] < 1.1 * NOISE["motor_speed"]
 
 
-def test_a_prediction_starts_at_the_slope_of_a_position(tmp_path: Path) -> None:
-    path = cut_out(tmp_path, ("angle",), 2)
-    for item in predict(load_dataset(path), declared(tmp_path, ("angle",), 0.2)):
-        assert any("no 'output_speed' in the log: it starts at" in note for note in item.notes)
-        assert item.errors["angle"] < 0.03
-
-
 def test_what_rests_at_first_is_said_to_start_nowhere_else(tmp_path: Path) -> None:
     path = cut_out(tmp_path, ("angle",), 1, first=0)
     for item in predict(load_dataset(path), declared(tmp_path, ("angle",), 0.2)):

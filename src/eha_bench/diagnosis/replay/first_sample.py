@@ -15,7 +15,6 @@ import numpy as np
 
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.noise import noise_of
-from eha_bench.diagnosis.data.windows import first_velocities
 from eha_bench.plants.model import Model
 from eha_bench.plants.plant import Plant
 
@@ -52,7 +51,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
     """Return where a prediction begins: as `first_state`, from the first sample as it was logged.
 
     Where these were read, a position without a sensor is that of the joint's angle, a pressure that
-    of the other and of their difference, a speed that behind a gear or the slope of its position.
+    of the other and of their difference, a speed that behind a gear.
     """
     plant = model.plant
     roles = plant.roles
@@ -143,14 +142,14 @@ def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> d
     state: dict[str, float] = {}
     if not model.plant.states:
         return state
-    noise = {name: noise_of(column[np.isfinite(column)]) for name in measured.outputs
+    noise = {name: noise_of(column) for name in measured.outputs
              if (column := measured.column(name)) is not None}  # fmt: skip
     roles = model.plant.roles
     for name, value in readings.items():
         at_rest = name in roles.rates and abs(value) < 4.0 * noise.get(name, 0.0)
         state[name] = 0.0 if at_rest else value
     through = model.plant.through_parts(model.vector(), state)
-    state = {**first_velocities(measured, noise), **through, **state}
+    state = {**through, **state}
     _at_charge(state, roles.pair, noise, _charge_pressure(model))
     for name in roles.acting:
         if name in state and abs(state[name]) < 4.0 * noise.get(name, 0.0):

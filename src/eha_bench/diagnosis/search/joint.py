@@ -36,7 +36,8 @@ _LARGER = 0.4
 def joint(search: Search) -> bool:
     """Replace what was found by two that explain more together; return whether they do.
 
-    Or by one of them, where the other only led it out of a place in which it had been caught.
+    Or, where nothing was found, by one of them that the other only led out of a place in which it
+    had been caught.
     """
     limits, kept = search.thresholds, search.snapshot()
     search.accepted, search.fit = [], search.base
@@ -65,7 +66,7 @@ def joint(search: Search) -> bool:
             replace(item, comparison=comparison)
             for item, comparison in zip(search.accepted, found, strict=True)
         ]
-    elif not _is_one(search, found, kept.fit.cost):
+    elif kept.effects or not _is_one(search, found, kept.fit.cost):
         search.restore(kept)
         return False
     settle(search)
