@@ -34,10 +34,10 @@ _LARGER = 0.4
 
 
 def joint(search: Search) -> bool:
-    """Replace what was found by two that explain more together; return whether they do.
+    """Replace what was found by two that explain more together; return whether anything was.
 
-    Or, where nothing was found, by one of them that the other only led out of a place in which it
-    had been caught.
+    Where nothing was found, one of the two may do, which the other only led out of a place in
+    which it had been caught.
     """
     limits, kept = search.thresholds, search.snapshot()
     search.accepted, search.fit = [], search.base

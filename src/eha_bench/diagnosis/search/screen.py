@@ -106,8 +106,8 @@ class Screen:
         A fit does not find its way to a setting that is never reached, or that always is: what
         opens at 7.6 MPa looks like nothing at 9.5 and like a leak at 7.1. One after the other is
         therefore moved by steps that become smaller (coordinate search: Hooke, Jeeves, J. ACM 8
-        (1961) 212, doi:10.1145/321062.321069). The size is moved as well, before and after: what
-        iron that saturates does grows with a high power of it, and a slope tells little.
+        (1961) 212, doi:10.1145/321062.321069). The size is moved as well, before and after: the
+        effect of saturating iron grows with a high power of it, and a slope tells little.
         """
         item = self._best_size(item)
         places = {layout.index[key]: layout.by_key[key] for key in item.start.keys}

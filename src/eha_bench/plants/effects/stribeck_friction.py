@@ -5,7 +5,7 @@
 F_c is the declared level, F_e the excess at rest, v_s the Stribeck velocity; d is 2
 (`gaussian`) or 1 (`exponential`, Tustin's law). Lubricated seals, guides and gears do so: their
 surfaces lift off as they slide faster. Where no dry friction is declared, `coulomb_friction` has
-this fall among its forms; where its static level is, the plant says the same.
+this fall among its forms; where a static level is declared, the plant has this law already.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083,
 doi:10.1016/0005-1098(94)90209-7.
