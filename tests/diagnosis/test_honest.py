@@ -13,6 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from drive_data import write_drive
+from slide_plant import slide
 from typer.testing import CliRunner
 
 from eha_bench.cli.app import app
@@ -131,20 +132,8 @@ def test_a_friction_that_falls_over_a_declared_level(tmp_path, velocity, coulomb
     from eha_bench.diagnosis.fit.beliefs import beliefs_of
     from eha_bench.diagnosis.fit.own_parameters import Places
     from eha_bench.diagnosis.fit.reached import ReachedBounds
-    from eha_bench.plants.model import load_model
 
-    path = tmp_path / "plant.yaml"
-    path.write_text("""\
-plant: slide
-nodes: {rod: {kind: translation, mass: 10 kg}}
-elements:
-  seals:  {kind: friction, on: rod, viscous: 100 N*s/m, coulomb: 30 N}
-  motor:  {kind: linear_motor, on: rod, force_constant: 1 N/V}
-inputs:   {command: motor.voltage}
-channels: {position: rod.position, velocity: rod.velocity}
-calibrate: [{parameter: seals.coulomb, within: 10 %}]
-""")
-    model = load_model(path)
+    model = slide(tmp_path)
     layout, vector = model.plant.layout, model.vector()
     keys = ("stribeck_friction.excess_force", "stribeck_friction.stribeck_velocity")
     size, shape = (layout.index[key] for key in keys)

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from slide_plant import slide
 
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.least_squares import free_parameters
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.reached import reached_bounds
 from eha_bench.plants.channel_roles import KNOWN
-from eha_bench.plants.model import load_model
 from eha_bench.plants.registry import get_plant
 
 TANK, PORTS = 0.0, 1.0
@@ -81,22 +81,9 @@ def test_a_plant_without_a_pair_of_chambers_has_none():
     assert settings(servo, read(**{**vars(run), "roles": replace(KNOWN, pair=())})) == []
 
 
-SLIDE = """\
-plant: slide
-nodes: {rod: {kind: translation, mass: 10 kg}}
-elements:
-  seals:  {kind: friction, on: rod, viscous: 100 N*s/m, coulomb: 30 N}
-  motor:  {kind: linear_motor, on: rod, force_constant: 1 N/V}
-inputs:   {command: motor.voltage}
-channels: {position: rod.position, velocity: rod.velocity}
-"""
-
-
 @pytest.mark.parametrize("channel", ["position", "velocity"])
 def test_a_friction_has_fallen_at_a_fifth_of_the_fastest_speed(tmp_path, channel):
-    path = tmp_path / "plant.yaml"
-    path.write_text(SLIDE)
-    layout = load_model(path).plant.layout
+    layout = slide(tmp_path).plant.layout
     time = np.arange(0.0, 1.0, 1e-3)
     values = {
         "position": 0.3 / np.pi * np.sin(np.pi * time),

@@ -10,7 +10,6 @@ import math
 import re
 import sys
 from collections.abc import Iterator
-from types import ModuleType
 
 from eha_bench.core import plugins
 from eha_bench.plants.effect import Effect
@@ -58,12 +57,12 @@ def elements_page() -> str:
     return "\n".join(lines)
 
 
-def _equations(module: ModuleType | None) -> Iterator[str]:
-    """Yield what a module says of its law between its first sentence and its source, as Markdown.
+def _equations(group: str, name: str) -> Iterator[str]:
+    """Yield a plug-in's law as Markdown: what its module says before the source.
 
     Equations are indented there, which is code in Markdown too.
     """
-    _, _, text = (inspect.getdoc(module) or "").partition("\n\n")
+    _, _, text = (inspect.getdoc(plugins.module_of(group, name)) or "").partition("\n\n")
     law, _, _ = text.partition("\n\nSource:")
     if law and not law.startswith("Source:"):
         yield law
@@ -89,7 +88,7 @@ def _element(kind: ElementKind) -> Iterator[str]:
     yield ""
     yield kind.summary
     yield ""
-    yield from _equations(inspect.getmodule(kind.anatomy))
+    yield from _equations("elements", kind.id)
     for port in kind.ports:
         key = {"first": "`between`, first", "second": "`between`, second"}.get(port.name)
         left_out = "; may be left out" if port.optional else ""
@@ -136,18 +135,16 @@ def _in(unit: str) -> str:
 
 def effects_page() -> str:
     """Return the page: every registered effect with equation, parameters and test."""
-    lines = [_EFFECTS]
-    for name in sorted(plugins.names("effects")):
-        lines += _section(plugins.load("effects", name), plugins.module_of("effects", name))
-    return "\n".join(lines)
+    effects = [plugins.load("effects", name) for name in sorted(plugins.names("effects"))]
+    return "\n".join([_EFFECTS, *(line for effect in effects for line in _section(effect))])
 
 
-def _section(effect: Effect, module: ModuleType) -> Iterator[str]:
+def _section(effect: Effect) -> Iterator[str]:
     yield f"## {effect.id}"
     yield ""
     yield effect.summary
     yield ""
-    yield from _equations(module)
+    yield from _equations("effects", effect.id)
     for role, action in effect.actions.items():
         own = [str(action.equation)] if action.equation else []
         more = sorted({str(other) for other in action.equations.values()} - set(own))

@@ -364,19 +364,8 @@ def _begins_in_motion(measured: Measured, noise: Mapping[str, float]) -> bool:
 
     A slow channel has few samples before it leaves the noise, and seems to rest so long.
     """
-    return bool(first_velocities(measured, noise))
-
-
-def first_velocities(measured: Measured, noise: Mapping[str, float]) -> dict[str, float]:
-    """Return the velocities at a run's start that nothing reads, and that positions show, SI.
-
-    Those that may as well be zero are left out.
-
-    Args:
-        measured: the run. noise: channel -> standard deviation of its noise, SI.
-    """
-    slopes = ((rate, _slope(measured, 0, noise, name)) for name, rate in _unread_rates(measured))
-    return {rate: slope[0] for rate, slope in slopes if slope and abs(slope[0]) > slope[1]}
+    slopes = (_slope(measured, 0, noise, name) for name, _ in _unread_rates(measured))
+    return any(abs(value) > spread for value, spread in filter(None, slopes))
 
 
 def _turns_at_first(measured: Measured, noise: Mapping[str, float]) -> bool:

@@ -65,14 +65,6 @@ _NEAR = 1e-3
 
 
 @dataclass(frozen=True)
-class ReachedBound:
-    """The most that a number may be by what was measured, SI, and its key."""
-
-    key: str
-    value: float
-
-
-@dataclass(frozen=True)
 class Places:
     """Where the numbers of a vector stand, by key.
 
@@ -99,8 +91,8 @@ class Places:
             for low, high in [self.bounds(key, vector)]
         )
 
-    def bound_met(self, keys: Iterable[str], vector: FloatArray) -> ReachedBound | None:
-        """Return the first of some numbers that is as large as measurements let it be, or None.
+    def bound_met(self, keys: Iterable[str], vector: FloatArray) -> tuple[str, float] | None:
+        """Return the first number that is as large as measurements let it be, with that; or None.
 
         A least setting of a valve is only where it is no longer told from a leak; what is fitted
         there may well be a valve.
@@ -108,7 +100,7 @@ class Places:
         for key in keys:
             _, most = self.bounds(key, vector)
             if np.isfinite(most) and float(vector[self.index[key]]) >= (1.0 - _NEAR) * most:
-                return ReachedBound(key, most)
+                return key, most
         return None
 
     @cached_property

@@ -154,11 +154,12 @@ def _at_bound(search: Search, item: Accepted, vector: FloatArray) -> str:
     reached = search.problem.places.bound_met(item.start.keys, vector)
     if reached is None:
         return ""
+    key, most = reached
     layout = search.problem.plant.layout
     effect = layout.effect(item.start.candidate)
-    name = reached.key.removeprefix(f"{effect.id}.")
+    name = key.removeprefix(f"{effect.id}.")
     unit = effect.parameter_at(name, layout.choice_values(effect, vector)).unit
-    return f"its {name} is at the bound that the recordings set, {reached.value:.4g} {unit}"
+    return f"its {name} is at the bound that the recordings set, {most:.4g} {unit}"
 
 
 def _against(search: Search, item: Accepted) -> str:

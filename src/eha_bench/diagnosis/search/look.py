@@ -198,7 +198,7 @@ def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     least = rival_share(CLOSE, top, search.excess_left.total) * top
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
     if len(close) < 2:
-        return [*(_with_its_shape(search, item) for item in order[:1]), *order[1:]]
+        return [_with_its_shape(search, order[0]), *order[1:]] if order else []
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
     done = [replace(t, fit=polish_at_rest(search, t.fit, [t.start])) for t in close]

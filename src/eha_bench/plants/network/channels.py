@@ -19,8 +19,7 @@ def places_of_states(system: System) -> dict[str, int]:
 
     Signals that may be imposed come behind the states.
     """
-    shown = {item.state: item.channel for item in system.outputs if item.state >= 0}
-    found = {}
+    shown, found = system.shown, {}
     for item in system.coordinates:
         turning = item.node.kind is NodeKind.ROTATION
         names = ("speed", "angle") if turning else ("velocity", "position")

@@ -661,11 +661,7 @@ class NetworkPlant(Plant):
 
     def _turns(self, vector: FloatArray, node: str) -> float:
         """Return how many times as fast as its coordinate a node moves, by the gears between."""
-        ratio = 1.0
-        for part in self.system.between(node):
-            if f"{part.name}.ratio" in self.system.slot_of:
-                ratio *= self._value(vector, part.name, "ratio")
-        return ratio
+        return math.prod(float(vector[place]) for place in self.system.ratio_places(node))
 
     def _value(self, vector: FloatArray, of: str, name: str) -> float:
         return float(vector[self.system.index[self.system.slot_of[f"{of}.{name}"]]])

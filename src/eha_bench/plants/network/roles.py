@@ -845,7 +845,6 @@ def _motion_channels(system: System, item: Coordinate) -> tuple[str, str]:
 
     Through a stiff load cell, what moves at its other end shows them as well.
     """
-    channels = {one.state: one.channel for one in system.outputs if one.state >= 0}
     joined = [
         other
         for _, ends in system.load_cells()
@@ -854,7 +853,8 @@ def _motion_channels(system: System, item: Coordinate) -> tuple[str, str]:
         if other is not item
     ]
     shown = [
-        (channels.get(one.position, ""), channels.get(one.speed, "")) for one in (item, *joined)
+        (system.shown.get(one.position, ""), system.shown.get(one.speed, ""))
+        for one in (item, *joined)
     ]
     return (
         next((position for position, _ in shown if position), ""),
@@ -871,7 +871,6 @@ def _anything(system: System) -> Iterator[Spot]:
     known = variables_of(system)
     names = {"u": "variable(@learned.variable, X, P, S)"}
     vocabulary = {"variable": tuple(known)}
-    channels = {item.state: item.channel for item in system.outputs if item.state >= 0}
     logged = [column.channel for column in system.pressure_inputs]
 
     def spot(
@@ -940,7 +939,7 @@ def _anything(system: System) -> Iterator[Spot]:
     for pair in _chambers(system):
         pumps = [part for part in system.parts.values() if part.element.kind.id == "pump"]
         speeds = tuple(
-            channels.get(system.leader_of(part.element.ports["on"]).speed, "") for part in pumps
+            system.shown.get(system.leader_of(part.element.ports["on"]).speed, "") for part in pumps
         )
         flows = {"additive": ("time", "pressure_difference", *speeds)}
         if pumps:
@@ -961,7 +960,7 @@ def _anything(system: System) -> Iterator[Spot]:
             volume.name,
             Equation.FLOW,
             {"added": (Hook(f"inflow:{volume.name}"),)},
-            {"additive": ("time", channels.get(volume.pressure, ""))},
+            {"additive": ("time", system.shown.get(volume.pressure, ""))},
             usual_flow(system),
         )
     for supply in _supply(system):

@@ -922,11 +922,10 @@ class System:
 
     def geared(self, item: Coordinate) -> list[str]:
         """Return a coordinate's own node, and those that move a fixed number of times as fast."""
-        return [
-            node
-            for node in self.nodes_on(item)
-            if all(part.element.kind.id == "gear" for part in self.between(node))
-        ]
+        return [node for node in self.nodes_on(item) if self._is_geared(node)]
+
+    def _is_geared(self, node: str) -> bool:
+        return all(part.element.kind.id == "gear" for part in self.between(node))
 
     def between(self, node: str) -> list[BoundElement]:
         """Return what ties a node to its coordinate, the nearest to the node first."""
@@ -939,18 +938,24 @@ class System:
 
     def declared_ratio(self, node: str) -> float:
         """Return how many times as fast as its coordinate a node moves, as declared."""
+        return math.prod(self.parameters[place].default or 1.0 for place in self.ratio_places(node))
+
+    def ratio_places(self, node: str) -> list[int]:
+        """Return the places of the ratios between a node and its coordinate among parameters."""
         keys = [self.slot_of.get(f"{part.name}.ratio") for part in self.between(node)]
-        return math.prod(
-            self.parameters[self.index[key]].default or 1.0 for key in keys if key is not None
-        )
+        return [self.index[key] for key in keys if key is not None]
+
+    @cached_property
+    def shown(self) -> dict[int, str]:
+        """The channel that shows each state, by its place."""
+        return {output.state: output.channel for output in self.outputs if output.state >= 0}
 
     def geared_channels(self) -> list[tuple[Output, Coordinate]]:
         """Return channels of nodes behind gears alone, with the coordinate that they move with."""
         return [
             (output, self.leader_of(output.of))
             for output in self.outputs
-            if output.of in self.leaders
-            and all(part.element.kind.id == "gear" for part in self.between(output.of))
+            if output.of in self.leaders and self._is_geared(output.of)
         ]
 
     def nodes_on(self, item: Coordinate) -> list[str]:
