@@ -37,6 +37,11 @@ def emptied(values: np.ndarray, *rows: int) -> np.ndarray:
         (without(every(2), 7), Readings(2, 0)),
         (without(every(2), 8), Readings(2, 0)),
         (emptied(every(2), 8), Readings(2, 1)),
+        # late, or dead before the end
+        (every(5, first=12), Readings(5, 2)),
+        (np.concatenate([every(2, 40), np.full(20, NAN)]), Readings(2, 10)),
+        # too few for a rule
+        (every(20), Readings(1, 57)),
         (emptied(np.ones(60), 8, 30), Readings(1, 2)),
         (np.full(60, NAN), Readings(1, 60)),
         (np.array([1.0, NAN, NAN, 1.0]), Readings(1, 2)),

@@ -6,7 +6,8 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.search import choice, equivalent, look, stepwise
-from eha_bench.diagnosis.search.screen import Screen
+from eha_bench.diagnosis.search.screen import Screen, Screened
 from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.plants.model import Model
 
@@ -240,3 +241,69 @@ def test_a_setting_is_found_between_those_that_are_tried() -> None:
     # nothing but the setting is another one
     others = {at: value for at, value in moved.start.settings if at != problem.setting}
     assert others == {at: value for at, value in found.start.settings if at != problem.setting}
+
+
+class Power(Peaks):
+    """What acts grows with the cube of its size, from a start that is twice too large."""
+
+    def __init__(self, truth: float) -> None:
+        super().__init__()
+        self.shape = np.sin(np.linspace(0.0, 60.0, 4000))
+        self.true, self.start = truth, np.nan
+        self.missing = self.grown(truth)
+
+    def grown(self, size: float) -> FloatArray:
+        return np.asarray(12.0 * size**3 * self.shape)
+
+    def residual(self, vector: FloatArray) -> FloatArray:
+        return np.asarray(self.noise + self.grown(vector[self.conductance] / self.start)
+                          - self.missing)  # fmt: skip
+
+
+def screened_power(truth: float, most: float = 50.0) -> tuple[Screened, Screened, Power]:
+    """Return a start before and after its size was moved."""
+    layout = VALVE_CYLINDER.plant.layout
+    problem = Power(truth)
+    starts = all_starts(layout, layout.defaults(), [], ())
+    start = next(item for item in starts if item.candidate == "relief_valve")
+    problem.start = start.strength
+    start = replace(start, high=most * start.strength)
+    left = problem.residual(layout.defaults())
+    fit = Fit(layout.defaults(), (), left, np.zeros((left.size, 0)), float(left @ left))
+    screen = Screen(cast("Problem", problem), fit)
+    found = screen.run(start)
+    return found, screen._best_size(found), problem
+
+
+def test_a_size_is_moved_to_where_it_gains_most_itself() -> None:
+    """Known answer: by the slope at the start, a cube's best multiple is far off its size."""
+    found, moved, problem = screened_power(0.6)
+    assert abs(found.amplitude - 0.6) > 0.1
+    assert moved.amplitude == pytest.approx(0.6, rel=0.03)
+    # of the sum of squares, less what the soft loss takes from large residuals
+    assert 0.8 < moved.gain / float(problem.missing @ problem.missing) < 1.0
+
+
+def test_a_size_is_not_moved_beyond_its_bounds() -> None:
+    _, moved, _ = screened_power(0.6, most=0.5)
+    assert 0.45 < moved.amplitude <= 0.5
+
+
+@pytest.mark.parametrize(
+    ("gained", "keys", "on"), [(700.0, 2, True), (300.0, 2, False), (990.0, 2, False),
+                               (700.0, 1, False)]
+)  # fmt: skip
+def test_the_best_is_fitted_on_where_its_shape_may_be_wrong(
+    monkeypatch: pytest.MonkeyPatch, gained: float, keys: int, on: bool
+) -> None:
+    start = SimpleNamespace(keys=("effect.size", "effect.shape")[:keys])
+    fit: Any = SimpleNamespace(cost=2000.0 - gained, vector=0)
+    item = Refit(cast("Any", start), fit, GAINED)
+    searched = cast("Any", SimpleNamespace(
+        fit=SimpleNamespace(cost=2000.0), excess_left=SimpleNamespace(total=1000.0), problem=None,
+    ))  # fmt: skip
+    better = SimpleNamespace(cost=1010.0)
+    monkeypatch.setattr(look, "free_of", lambda *_: ())
+    monkeypatch.setattr(look, "levenberg_marquardt", lambda *_, **__: better)
+    found = look._with_its_shape(searched, item)
+    assert (found.fit is better) is on

@@ -90,7 +90,7 @@ def test_a_friction_has_fallen_at_a_fifth_of_the_fastest_speed(tmp_path, channel
         "velocity": 0.3 * np.cos(np.pi * time),
     }
     run = read(
-        inputs={}, outputs=(channel,), values=values[channel][:, None], roles=KNOWN, tick=1e-3,
+        inputs={}, outputs=(channel,), values=values[channel][:, None], roles=KNOWN, time=time,
         valid=np.ones((time.size, 1), bool),
     )  # fmt: skip
     places = Places(layout, reached=reached_bounds(layout, [run]))
@@ -102,3 +102,34 @@ def test_a_friction_has_fallen_at_a_fifth_of_the_fastest_speed(tmp_path, channel
     assert places.permits(vector, [key])
     vector[layout.index[key]] = 0.07
     assert not places.permits(vector, [key])
+
+
+def fastest(layout, values, time):
+    """Return the most that the speed by which friction falls may be, by a logged position."""
+    run = read(
+        inputs={}, outputs=("position",), values=values[:, None], roles=KNOWN, time=time,
+        valid=np.isfinite(values)[:, None],
+    )  # fmt: skip
+    key = "stribeck_friction.stribeck_velocity"
+    (found,) = [item for item in reached_bounds(layout, [run]) if item.key == key]
+    return found.at(np.zeros(layout.size))[1]
+
+
+def test_a_position_with_empty_cells_and_gaps_shows_a_speed(tmp_path):
+    layout = slide(tmp_path).plant.layout
+    time = np.arange(0.0, 2.0, 1e-3)
+    swing = 0.3 / np.pi * np.sin(np.pi * time)
+    for every in (2, 40):
+        slow = np.where(np.arange(time.size) % every == 0, swing, np.nan)
+        assert fastest(layout, slow, time) == pytest.approx(0.06, rel=0.02)
+    # what it moved by in a gap was at no speed that is known
+    gap = np.where(time < 1.0, time, time + 3.0)
+    moved = np.where(time < 1.0, 0.1 * time, 5.0 + 0.1 * time)
+    assert fastest(layout, moved, gap) == pytest.approx(0.02, rel=0.01)
+
+
+def test_a_place_that_never_moves_shows_none(tmp_path):
+    layout = slide(tmp_path).plant.layout
+    time = np.arange(0.0, 1.0, 1e-3)
+    assert fastest(layout, np.zeros(time.size), time) == np.inf
+    assert fastest(layout, np.full(time.size, np.nan), time) == np.inf

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.data.dataset import load_dataset
-from eha_bench.diagnosis.fit.baseline import calibrated_baseline
+from eha_bench.core.shipped import shipped_file
+from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.start_angle import StartAngle
+from eha_bench.diagnosis.data.unmeasured import missing
+from eha_bench.diagnosis.data.windows import cut_windows
+from eha_bench.diagnosis.fit.baseline import calibrated_baseline, gather
 from eha_bench.diagnosis.fit.evidence import excess
+from eha_bench.diagnosis.replay.first_sample import first_sample
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.plants.model import Model, load_model
 from eha_bench.plants.plant import Drive
@@ -29,8 +36,13 @@ inputs:   {{current: motor.current}}
 channels: {{{channels}}}
 calibrate: [bearing.viscous]
 """
-NOISE = {"angle": 1e-4, "motor_angle": 1e-3, "motor_speed": 0.05}
-CHANNELS = {"angle": "output.angle", "motor_angle": "shaft.angle", "motor_speed": "shaft.speed"}
+NOISE = {"angle": 1e-4, "motor_angle": 1e-3, "motor_speed": 0.05, "speed": 5e-3}
+CHANNELS = {
+    "angle": "output.angle",
+    "speed": "output.speed",
+    "motor_angle": "shaft.angle",
+    "motor_speed": "shaft.speed",
+}
 
 
 def declared(folder: Path, channels: tuple[str, ...], viscous: float, ratio: float = -10) -> Model:
@@ -65,7 +77,14 @@ def cut_out(folder: Path, channels: tuple[str, ...], every: int, first: int = 30
 
 @pytest.mark.parametrize("every", [1, 2])
 @pytest.mark.parametrize(
-    "channels", [("angle", "motor_speed"), ("angle",), ("motor_angle",), ("motor_speed",)]
+    "channels",
+    [
+        ("angle", "motor_speed"),
+        ("speed", "motor_angle"),
+        ("angle",),
+        ("motor_angle",),
+        ("motor_speed",),
+    ],
 )
 def test_nothing_is_missing(tmp_path: Path, channels: tuple[str, ...], every: int) -> None:
     base = calibrated_baseline(load_dataset(cut_out(tmp_path, channels, every)))
@@ -100,3 +119,68 @@ def test_a_ratio_that_is_fitted_moves_the_start_with_it(tmp_path: Path) -> None:
     vector[model.plant.layout.index["gear.ratio"]] = 8.0
     assert model.plant.through_parts(vector, {"motor_speed": 4.0}) == {"output_speed": 0.5}
     assert model.plant.through_parts(vector, {"motor_speed": 4.0, "output_speed": 1.0}) == {}
+
+
+def first_run(dataset: Dataset) -> Measured:
+    (measured, *_), *_ = gather(dataset)
+    return measured
+
+
+def test_an_angle_behind_a_gear_is_no_angle_that_nobody_reads(tmp_path: Path) -> None:
+    def angle_of(channels: tuple[str, ...]) -> float | None:
+        folder = tmp_path / channels[-1]
+        folder.mkdir()
+        measured = first_run(load_dataset(cut_out(folder, channels, 1)))
+        (_, second, *_) = cut_windows(measured, NOISE)
+        return second.initial.get("output_angle")
+
+    assert angle_of(("speed", "motor_angle")) is None
+    assert angle_of(("motor_speed", "speed")) is not None
+
+
+def test_what_a_channel_behind_a_gear_tells_is_not_carried(tmp_path: Path) -> None:
+    channels = ("angle", "speed", "motor_angle", "motor_speed")
+    data = load_dataset(cut_out(tmp_path, channels, 1))
+    measured = first_run(data)
+    (_, second, *_) = cut_windows(measured, NOISE)
+    plant = data.model.plant
+
+    def without(*names: str) -> tuple[str, ...]:
+        known = {name: value for name, value in second.initial.items() if name not in names}
+        return missing(plant, replace(second, initial=known))
+
+    assert without("angle", "speed") == ()
+    assert without("angle", "motor_angle") == ("angle",)
+    assert without("speed", "motor_speed") == ("speed",)
+
+
+def test_a_speed_behind_a_gear_that_differs_from_rest_by_noise_is_rest(tmp_path: Path) -> None:
+    channels = ("angle", "motor_speed", "speed")
+    data = load_dataset(cut_out(tmp_path, channels, 1, first=0))
+    measured = first_run(data)
+    column = measured.outputs.index("speed")
+    measured.valid[:, column] = False
+    first = {name: item for name, item in measured.first.items() if name != "speed"}
+    start = first_sample(replace(measured, first=first), data.model)
+    assert start.state["speed"] == 0.0
+    assert start.state["motor_speed"] == 0.0
+
+
+def test_an_angle_that_is_estimated_is_from_no_other_channel(tmp_path: Path) -> None:
+    data = load_dataset(cut_out(tmp_path, ("speed", "motor_speed"), 1))
+    measured = replace(first_run(data), start=StartAngle(0.3, 0.1))
+    start = first_sample(measured, data.model)
+    assert start.state["output_angle"] == 0.3
+    assert start.notes == ()
+
+
+def test_what_turns_a_piston_that_is_locked_stands_still(tmp_path: Path) -> None:
+    text = shipped_file("plants/valve_cylinder.yaml").read_text()
+    node = "nodes:\n  wheel: {kind: rotation, inertia: 1e-4 kg*m^2}\n"
+    rack = "elements:\n  rack: {kind: gear, from: wheel, to: rod, ratio: 40 rad/m}\n"
+    text = text.replace("nodes:\n", node).replace("elements:\n", rack)
+    text = text.replace("channels: {", "channels: {wheel_angle: wheel.angle, ")
+    path = tmp_path / "plant.yaml"
+    path.write_text(text)
+    locked = load_model(path).plant.roles.locked
+    assert {"piston_position", "piston_velocity", "wheel_angle"} == {*locked}

@@ -10,7 +10,8 @@ from eha_bench.core.arrays import FloatArray
 
 _REGULAR = 0.9
 """Least share of the steps between readings that are the usual one, of a channel that is slow."""
-_FEWEST = 3
+_FEWEST = 10
+"""Fewest readings from which a rule is seen."""
 
 
 @dataclass(frozen=True)
@@ -35,4 +36,6 @@ def readings_of(values: FloatArray) -> Readings:
     if usual == 1 or np.mean(steps == usual) < _REGULAR:
         return Readings(1, values.size - read.size + infinite)
     # a row that was lost shifts the pattern, and is no reading that is missing
-    return Readings(usual, int(np.sum(np.maximum(steps // usual - 1, 0))) + infinite)
+    between = int(np.sum(np.maximum(steps // usual - 1, 0)))
+    at_ends = (int(read[0]) + values.size - 1 - int(read[-1])) // usual
+    return Readings(usual, between + at_ends + infinite)

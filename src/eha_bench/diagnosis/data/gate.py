@@ -171,12 +171,19 @@ class Measured:
         return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.intp)
 
     @cached_property
+    def turning(self) -> dict[str, str]:
+        """What the plant's `turning` holds, without angles that a channel behind a gear tells."""
+        told = {shown for name, (shown, _) in self.roles.geared.items()
+                if name in self.inputs or self.column(name) is not None}  # fmt: skip
+        return {rate: angle for rate, angle in self.roles.turning.items() if angle not in told}
+
+    @cached_property
     def shaft_angle(self) -> FloatArray | None:
         """The shaft's angle from its start by the integrated measured speed, (n,) rad, or None."""
         speed = next(
             (
                 found
-                for name in self.roles.turning
+                for name in self.turning
                 if (found := self.inputs.get(name, self.column(name))) is not None
             ),
             None,

@@ -29,12 +29,14 @@ def missing(plant: Plant, window: Window) -> tuple[str, ...]:
     if window.first == 0:
         # a run begins at rest, where what moves is zero
         still = (*still, *roles.rates, *roles.acting)
+    told = {shown for name, (shown, _) in roles.geared.items() if name in window.initial}
     return tuple(
         name
         for name in plant.states
         if name in plant.outputs
         and name not in still
         and name not in window.initial
+        and name not in told
         and name not in window.measured.inputs
     )
 

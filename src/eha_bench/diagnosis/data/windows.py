@@ -294,7 +294,7 @@ def _turn(
     """Set the angle of the shaft at a tick, and how far it may be off."""
     if measured.shaft_angle is None:
         return
-    speed, angle = next(iter(measured.roles.turning.items()))
+    speed, angle = next(iter(measured.turning.items()))
     state[angle] = float(measured.shaft_angle[first])
     walked = 0.0
     own = measured.input_noise if speed in measured.inputs else noise

@@ -113,13 +113,16 @@ def _fading_speeds(layout: Layout, runs: Sequence[Measured]) -> Iterable[Reached
 
 
 def _fastest(spots: Sequence[Spot], runs: Sequence[Measured]) -> float:
-    """Return the fastest speed that was reached at all of some places, SI; inf if none shows it."""
+    """Return the fastest speed that was reached at all of some places, SI; inf if none is seen.
+
+    Places that never move are left out.
+    """
     found = []
     for spot in spots:
         speeds = [np.abs(speed) for run in runs if (speed := _speed(run, spot)).size]
         if speeds:
             found.append(float(np.quantile(np.concatenate(speeds), _FASTEST)))
-    return min(found, default=np.inf)
+    return min((speed for speed in found if speed > 0.0), default=np.inf)
 
 
 def _speed(run: Measured, spot: Spot) -> FloatArray:
@@ -127,9 +130,24 @@ def _speed(run: Measured, spot: Spot) -> FloatArray:
     position, speed = spot.motion
     read = _read(run, speed)
     if read is None and (way := _read(run, position)) is not None:
-        apart = max(1, round(_STRETCH / run.tick))
-        read = (way[apart:] - way[:-apart]) / (apart * run.tick)
+        read = _slopes(run.time, way)
     return np.zeros(0) if read is None else np.asarray(read[np.isfinite(read)])
+
+
+def _slopes(time: FloatArray, way: FloatArray) -> FloatArray:
+    """Return the speeds between readings of a position some way apart, none across gaps, (k,)."""
+    good = np.isfinite(way)
+    time, way = time[good], way[good]
+    if way.size < 2:
+        return np.zeros(0)
+    stretch = max(_STRETCH, float(np.median(np.diff(time))))
+    first = np.arange(way.size)
+    second = np.searchsorted(time, time + (1.0 - 1e-9) * stretch)
+    inside = second < way.size
+    first, second = first[inside], second[inside]
+    lasts = time[second] - time[first]
+    near = lasts < 2.0 * stretch
+    return np.asarray((way[second] - way[first])[near] / lasts[near])
 
 
 def _read(run: Measured, name: str) -> FloatArray | None:

@@ -58,7 +58,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
     determined = plant.determined(tuple(measured.inputs))
     needed = [n for n in plant.states if n in determined and n not in measured.inputs]
     locked = measured.run.locked
-    first = _trusted_readings(measured)
+    first = _rested(_trusted_readings(measured), measured)
     readings, notes = {}, []
     for name in needed:
         if name not in first or (locked and name in roles.locked):
@@ -89,8 +89,8 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
             )
     geared = {name: first[name] for name in roles.geared if name in first and name in determined}
     state = _state(measured, model, {**readings, **geared})
-    for name, begins in state.items():
-        if name in plant.states and name not in {*needed, *measured.inputs} and begins != 0.0:
+    for name in plant.through_parts(model.vector(), {**readings, **geared}):
+        if name not in {*needed, *measured.inputs} and (begins := state[name]) != 0.0:
             amount = _amount(name, begins, plant)
             notes.append(f"no '{name}' in the log: it starts at {amount}, from other channels")
     assumed = [_assumption(name, state, model) for name in needed if name not in known]
@@ -108,6 +108,16 @@ def _trusted_readings(measured: Measured) -> dict[str, float]:
         # it may have been derived from both
         dead.add("pressure_difference")
     return {n: item.value for n, item in measured.first.items() if n not in dead}
+
+
+def _rested(readings: Mapping[str, float], measured: Measured) -> dict[str, float]:
+    """Return readings with zero for rates that differ from it by noise only."""
+    found = dict(readings)
+    for name in measured.roles.rates:
+        column = measured.column(name)
+        if name in found and column is not None and abs(found[name]) < 4.0 * noise_of(column):
+            found[name] = 0.0
+    return found
 
 
 def _assumption(name: str, state: Mapping[str, float], model: Model) -> str:
@@ -139,17 +149,13 @@ def _amount(name: str, value: float, plant: Plant) -> str:
 
 def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> dict[str, float]:
     """Return the state behind first readings; rest where they differ from it by noise only."""
-    state: dict[str, float] = {}
     if not model.plant.states:
-        return state
+        return {}
     noise = {name: noise_of(column) for name in measured.outputs
              if (column := measured.column(name)) is not None}  # fmt: skip
     roles = model.plant.roles
-    for name, value in readings.items():
-        at_rest = name in roles.rates and abs(value) < 4.0 * noise.get(name, 0.0)
-        state[name] = 0.0 if at_rest else value
-    through = model.plant.through_parts(model.vector(), state)
-    state = {**through, **state}
+    readings = _rested(readings, measured)
+    state = {**model.plant.through_parts(model.vector(), readings), **readings}
     _at_charge(state, roles.pair, noise, _charge_pressure(model))
     for name in roles.acting:
         if name in state and abs(state[name]) < 4.0 * noise.get(name, 0.0):
@@ -161,7 +167,7 @@ def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> d
             elif name in roles.rates:
                 state[name] = 0.0
     if measured.start.is_estimated:
-        for angle in roles.turning.values():
+        for angle in measured.turning.values():
             state[angle] = measured.start.value
     return state
 

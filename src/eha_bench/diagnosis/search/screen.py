@@ -9,7 +9,7 @@ fraction of what a refit gains, but their order holds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,14 @@ class Screened:
     direction: NDArray[np.float32]
 
 
+def _amplitudes(start: Start) -> tuple[float, float]:
+    """Return the least and the largest multiple of a start's strength within its bounds."""
+    ends = ((bound - start.neutral) / (start.strength - start.neutral)
+            for bound in (start.low, start.high))  # fmt: skip
+    low, high = sorted(ends)
+    return low, high
+
+
 class Screen:
     """Screens candidates against one fit.
 
@@ -86,19 +94,28 @@ class Screen:
         return best
 
     def _at(self, start: Start, share: float) -> Screened | None:
-        limit = 50.0 * self.fit.soft
-        moved = self.problem.residual(start.apply(self.fit.vector, share))
-        change = np.clip(moved - self._base, -limit, limit) * self._weight
-        column = self._off(change) / share
+        """Return what the change at a share of the strength, made larger or less, is to gain."""
+        column = self._column(start, share)
         size = float(column @ column)
         if size * share * share < 1e-6:
             return None
-        low = (start.low - start.neutral) / (start.strength - start.neutral)
-        high = (start.high - start.neutral) / (start.strength - start.neutral)
-        low, high = min(low, high), max(low, high)
-        amplitude = float(np.clip(-(column @ self._target) / size, low, high))
-        gain = -(2.0 * amplitude * float(column @ self._target) + amplitude**2 * size)
-        return Screened(start, amplitude, gain, column.astype(np.float32))
+        return self._gains(start, float(-(column @ self._target) / size), column)
+
+    def _of_size(self, start: Start, amplitude: float) -> Screened:
+        """Return what a start gains at just this size."""
+        return self._gains(start, amplitude, self._column(start, amplitude))
+
+    def _column(self, start: Start, share: float) -> FloatArray:
+        limit = 50.0 * self.fit.soft
+        moved = self.problem.residual(start.apply(self.fit.vector, share))
+        change = np.clip(moved - self._base, -limit, limit) * self._weight
+        return self._off(change) / share
+
+    def _gains(self, start: Start, amplitude: float, column: FloatArray) -> Screened:
+        low, high = _amplitudes(start)
+        amplitude = float(np.clip(amplitude, low, high))
+        gain = -(2.0 * amplitude * float(column @ self._target) + amplitude**2 * (column @ column))
+        return Screened(start, amplitude, float(gain), column.astype(np.float32))
 
     def refined(self, item: Screened, layout: Layout) -> Screened:
         """Return a candidate's start with its size, thresholds, knees and times moved to gain more.
@@ -119,16 +136,22 @@ class Screen:
         return self._best_size(item)
 
     def _best_size(self, item: Screened) -> Screened:
+        if item.amplitude == 0.0:
+            return item
+        low, high = _amplitudes(item.start)
+        best = self._of_size(item.start, item.amplitude)
         for step in _STEPS:
             for factor in (step, 1.0 / step):
-                while True:
-                    found = self._at(item.start, item.amplitude * factor)
-                    if found is None or found.gain <= item.gain:
+                while low <= (amplitude := best.amplitude * factor) <= high:
+                    found = self._of_size(item.start, amplitude)
+                    if found.gain <= best.gain:
                         break
-                    item = replace(found, amplitude=item.amplitude * factor)
-        return item
+                    best = found
+        return best if best.gain > 0.0 else item
 
     def _best_setting(self, item: Screened, at: int, parameter: Parameter) -> Screened:
+        # what is predicted at another setting is compared with what is predicted here
+        item = self.run(item.start, (max(abs(item.amplitude), _SMALLEST),))
         for step in _STEPS:
             for factor in (step, 1.0 / step):
                 while True:

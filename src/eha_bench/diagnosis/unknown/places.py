@@ -69,7 +69,7 @@ def variables_of(measured: Measured) -> dict[str, FloatArray]:
         found["pressure_difference"] = found[pair[0]] - found[pair[1]]
         found["pressure_sum"] = found[pair[0]] + found[pair[1]]
     if measured.shaft_angle is not None:
-        found[next(iter(measured.roles.turning.values()))] = measured.shaft_angle
+        found[next(iter(measured.turning.values()))] = measured.shaft_angle
     return found
 
 

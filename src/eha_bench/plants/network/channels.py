@@ -76,6 +76,11 @@ def roles_of_channels(
         for channel, (node, _, _) in system.derived.items()
         if system.leader_of(node).number in system.locked_coordinates
     ]
+    locked += [
+        output.channel
+        for output, item in system.geared_channels()
+        if item.number in system.locked_coordinates
+    ]
     commands = {column.signal: column.channel for column in system.columns if column.command}
     held = [column.channel for column in system.columns if column.held and column.command]
     held += [
