@@ -216,13 +216,15 @@ def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
 
 
 @pytest.mark.parametrize(
-    ("name", "says"),
+    ("name", "turning", "says"),
     [
-        ("pump_ripple", "over windows it explains 91 %, but over a whole run a small error of the"),
-        ("entrained_air", ""),
+        ("pump_ripple", None, "over windows it explains 91 %, but over a whole run a small error"),
+        # whole runs follow the speed that was measured
+        ("pump_ripple", ("motor_speed", "shaft_angle"), ""),
+        ("entrained_air", None, ""),
     ],
 )
-def test_what_follows_an_angle_that_nothing_reads_is_said_to_lose_its_phase(name, says):
+def test_what_follows_an_angle_that_nothing_reads_is_said_to_lose_its_phase(name, turning, says):
     from eha_bench.plants.registry import get_plant
 
     plant = get_plant("eha_knee")
@@ -235,7 +237,10 @@ def test_what_follows_an_angle_that_nothing_reads_is_said_to_lose_its_phase(name
     end = replace(
         found(holdout={"p": error(1.0, 1.5)}), revised=SimpleNamespace(vector=lambda: vector)
     )
-    problem = SimpleNamespace(places=NOTHING_REACHED.places, plant=plant, beliefs=())
+    window = SimpleNamespace(measured=SimpleNamespace(turning=turning))
+    problem = SimpleNamespace(
+        places=NOTHING_REACHED.places, plant=plant, beliefs=(), windows=[window]
+    )
     search = SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem)
     (_, reason) = against_the_end(search, end)
     assert "held-out runs grows" in reason

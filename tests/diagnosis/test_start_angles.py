@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ from eha_bench.diagnosis.fit.start_angles import (
     with_refined_angles,
 )
 from eha_bench.diagnosis.fit.uncertainty import spreads
-from eha_bench.diagnosis.replay.prediction import predict
+from eha_bench.diagnosis.replay.first_sample import first_state
+from eha_bench.diagnosis.replay.prediction import predict, simulate_from
 from eha_bench.diagnosis.search.periodic import Form, Wave, best_counts, scan
 from eha_bench.diagnosis.search.refit import Near
 from eha_bench.diagnosis.search.start_angles import with_own_angles
@@ -257,3 +259,55 @@ def test_the_interval_holds_though_the_angles_are_estimated() -> None:
             held[key] += bool(abs(error) < found[key].half_width)
     # of intervals of 95 % fewer hold once in a thousand
     assert min(held.values()) >= 33
+
+
+def long_turn(seconds: float = 6.0) -> Measured:
+    """A shaft that turns one way for long while its magnets pull."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, seconds, 1e-3)
+    command = 3.0 + np.sin(2 * np.pi * 0.5 * time)
+    drive = Drive(time, {"current_command": command}, {"shaft_angle": 0.0}, True, True)
+    values = TRUTH.plant.simulate(TRUTH.vector(), drive, 2e-4)[:, :4]
+    values += rng.standard_normal(values.shape) * list(NOISE.values())
+    columns = dict(zip(NOISE, values.T, strict=True))
+    reading = Recording(time, {"current_command": command, **columns})
+    run = Run("long", Path("long.mcap"), None, True, True, Use.TRAIN, lambda: reading)
+    return admit(run, reading, ["current_command"], TRUTH.plant.outputs)
+
+
+def test_a_long_replay_keeps_the_phase_that_the_measured_speed_adds_up_to() -> None:
+    """A model that is a hundredth off would be turns away after seconds, and a ripple with it."""
+    measured = long_turn()
+    off = {
+        "viscous_torque": 1.01 * float(TRUTH.vector()[TRUTH.plant.layout.index["viscous_torque"]])
+    }
+    pulls, smooth = (
+        Model("eha_knee", off, (), effects) for effects in (TRUTH.effects, ())
+    )  # fmt: skip
+    start = first_state(measured, pulls)
+
+    def error(model: Model, run: Measured = measured) -> float:
+        at = model.plant.outputs.index("motor_speed")
+        speed = simulate_from(run, model, start, 2e-4)[:, at]
+        left = measured.column("motor_speed") - speed
+        return float(np.std(left[3000:] - np.convolve(left, np.ones(200) / 200, "same")[3000:]))
+
+    deaf = replace(measured, roles=replace(measured.roles, turning={}))
+    assert error(pulls, deaf) > error(smooth)
+    assert error(pulls) < 1.05 * NOISE["motor_speed"]
+
+
+def test_anchors_that_say_what_the_plant_does_change_nothing() -> None:
+    time = np.arange(0.0, 0.5, 1e-3)
+    plant, vector = TRUTH.plant, TRUTH.vector()
+    command = {"current_command": 3.0 * np.sin(9.0 * time)}
+    start = {"shaft_angle": 0.4}
+    free = plant.simulate(vector, Drive(time, command, start, True, True), 1e-4)
+    speed = free[:, plant.outputs.index("motor_speed")]
+    angle = 0.4 + np.concatenate([[0.0], np.cumsum(0.5e-3 * (speed[1:] + speed[:-1]))])
+    anchored = Drive(time, command, start, True, True, anchors={"shaft_angle": angle})
+    assert plant.simulate(vector, anchored, 1e-4) == pytest.approx(free, rel=1e-4, abs=1e-3)
+    other = Drive(time, command, start, True, True, anchors={"shaft_angle": angle + 0.5})
+    apart = plant.simulate(vector, other, 1e-4)[:, plant.outputs.index("motor_speed")] - speed
+    assert np.abs(apart[:11]).max() < 1e-9
+    assert np.abs(apart).max() > 1.0

@@ -23,6 +23,7 @@ class ChannelRoles:
         pressures: pressures that are states.
         pair: the two chambers whose difference and sum are looked at, () where there are none.
         commands: inputs that are asked for: held between samples, and exact.
+        remembered: commands of what may have play: where they turned before says where it is.
         followed: inputs that a controller inside the plant makes a position follow.
         on_top: inputs that are added to another: where a log has none, nothing was added.
         acting: channel of what acts in a drive -> the input that asks for it.
@@ -41,6 +42,7 @@ class ChannelRoles:
     pressures: tuple[str, ...] = ()
     pair: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
+    remembered: tuple[str, ...] = ()
     followed: tuple[str, ...] = ()
     on_top: tuple[str, ...] = ()
     acting: Mapping[str, str] = field(default_factory=dict)

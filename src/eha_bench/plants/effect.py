@@ -75,6 +75,8 @@ class Action:
         opens: a setting that is not reached most of the time, None where there is none.
         fades_by: the effect's parameter that is the speed by which it falls, "" for none: a search
             holds it well below the fastest that was measured.
+        remembers: whether its states follow from what was asked for alone: they begin where the
+            commands before the start have brought them.
     """
 
     hooks: Mapping[str, Callable[..., object]] = field(default_factory=dict)
@@ -91,6 +93,7 @@ class Action:
     charges: str = ""
     opens: Opening | None = None
     fades_by: str = ""
+    remembers: bool = False
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.note import Note, merged_notes, of_run
 from eha_bench.core.recording import Recording
 from eha_bench.core.slow_channel import readings_of
+from eha_bench.core.turns import remembered_turns
 from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
@@ -51,6 +52,10 @@ class FirstReading:
     value: float
     tick: int
     frozen: bool
+
+
+_AT_ONCE = 1e-9
+"""Time between two turns that are remembered, s: too short for anything to follow."""
 
 
 @dataclass(frozen=True)
@@ -171,25 +176,29 @@ class Measured:
         return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.intp)
 
     @cached_property
-    def turning(self) -> dict[str, str]:
-        """What the plant's `turning` holds, without angles that a channel behind a gear tells."""
-        told = {shown for name, (shown, _) in self.roles.geared.items()
-                if name in self.inputs or self.column(name) is not None}  # fmt: skip
-        return {rate: angle for rate, angle in self.roles.turning.items() if angle not in told}
+    def turning(self) -> tuple[str, str] | None:
+        """The speed that is read of what turns, and the angle that nothing reads; or None."""
+        told = {shown for name, (shown, _) in self.roles.geared.items() if self._reads(name)}
+        return next(
+            (
+                (speed, angle)
+                for speed, angle in self.roles.turning.items()
+                if angle not in told and self._reads(speed)
+            ),
+            None,
+        )
+
+    def _reads(self, channel: str) -> bool:
+        return channel in self.inputs or self.column(channel) is not None
 
     @cached_property
     def shaft_angle(self) -> FloatArray | None:
         """The shaft's angle from its start by the integrated measured speed, (n,) rad, or None."""
-        speed = next(
-            (
-                found
-                for name in self.turning
-                if (found := self.inputs.get(name, self.column(name))) is not None
-            ),
-            None,
-        )
-        if speed is None:
+        if self.turning is None:
             return None
+        name, _ = self.turning
+        speed = self.inputs.get(name, self.column(name))
+        assert speed is not None
         good = np.isfinite(speed)
         filled = np.interp(self.time, self.time[good], speed[good])
         steps = 0.5 * (filled[1:] + filled[:-1]) * np.diff(self.time)
@@ -202,17 +211,32 @@ class Measured:
 
         Args:
             first, last: ticks. initial: channel -> what its sensor reads first, SI.
-            history: ticks of the inputs before, at most.
+            history: ticks of the inputs before, at most; before these, where a command turned: what
+                has play depends on nothing else.
         """
         lead = max(0, first - history)
+        before = self._turns_before(lead) if history else np.zeros(0, dtype=np.intp)
+        rows = np.concatenate([before, np.arange(lead, last)])
+        time = self.time[rows]
+        # all at once: what follows with time knows nothing of them
+        time[: before.size] = self.time[lead] - _AT_ONCE * np.arange(before.size, 0, -1)
         return Drive(
-            np.ascontiguousarray(self.time[lead:last]),
-            {name: np.ascontiguousarray(values[lead:last]) for name, values in self.inputs.items()},
+            time,
+            {name: values[rows] for name, values in self.inputs.items()},
             initial or {},
             self.run.locked,
             self.run.bypass_open,
-            first - lead,
+            before.size + first - lead,
         )
+
+    def _turns_before(self, tick: int) -> IndexArray:
+        """Return ticks at which commands turned that a play still remembers at one, (k,)."""
+        commands = [self.inputs[name] for name in self.roles.remembered if name in self.inputs]
+        if not commands or tick == 0:
+            return np.zeros(0, dtype=np.intp)
+        found = np.unique(np.concatenate([remembered_turns(own[:tick]) for own in commands]))
+        # what looks back further than the history finds what was asked for where that begins
+        return np.concatenate([[tick], found])
 
     def column(self, channel: str) -> FloatArray | None:
         """Return a valid channel with NaN where it may not be believed, or None."""

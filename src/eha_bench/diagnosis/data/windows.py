@@ -292,9 +292,9 @@ def _turn(
     spread: dict[str, float],
 ) -> None:
     """Set the angle of the shaft at a tick, and how far it may be off."""
-    if measured.shaft_angle is None:
+    if measured.turning is None or measured.shaft_angle is None:
         return
-    speed, angle = next(iter(measured.turning.items()))
+    speed, angle = measured.turning
     state[angle] = float(measured.shaft_angle[first])
     walked = 0.0
     own = measured.input_noise if speed in measured.inputs else noise

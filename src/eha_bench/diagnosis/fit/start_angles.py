@@ -52,6 +52,14 @@ def counts_on(layout: Layout, vector: FloatArray) -> list[float]:
     """Return the periods a revolution of everything periodic that a vector has on."""
     return [
         max(1.0, float(vector[layout.index[f"{effect.id}.count"]]))
+        for effect in periodic_effects(layout, vector)
+    ]
+
+
+def periodic_effects(layout: Layout, vector: FloatArray) -> list[BoundEffect]:
+    """Return the effects that are periodic in an angle and that a vector has on."""
+    return [
+        effect
         for effect in layout.effects
         if is_periodic(effect)
         and vector[layout.index[f"{effect.id}.{effect.strength.name}"]] != effect.neutral

@@ -97,10 +97,13 @@ def _of_lost_phase(search: Search, item: Accepted, vector: FloatArray) -> str:
         return ""
     if any(spot.angle for spot in effect.spots_at(layout.choice_values(effect, vector))):
         return ""
+    if any(window.measured.turning for window in search.problem.windows):
+        # whole runs follow what the measured speed adds up to
+        return ""
     share = min(item.comparison.share, item.comparison.share_out, 1.0)
     return (
         f"; over windows it explains {per_cent(max(share, 0.0))}, but over a whole run a small "
-        "error of the speed loses its phase: log the angle that it follows"
+        "error of the speed loses its phase: log that speed, or the angle that it follows"
     )
 
 

@@ -166,9 +166,8 @@ def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> d
                 state.setdefault(name, measured.held.get(name, 0.0))
             elif name in roles.rates:
                 state[name] = 0.0
-    if measured.start.is_estimated:
-        for angle in measured.turning.values():
-            state[angle] = measured.start.value
+    if measured.start.is_estimated and measured.turning is not None:
+        state[measured.turning[1]] = measured.start.value
     return state
 
 

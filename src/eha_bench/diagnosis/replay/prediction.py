@@ -23,7 +23,12 @@ from eha_bench.diagnosis.data.ticks import Sampled, nearest, on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.fit.start_angles import angles_note, counts_on, own_angles
+from eha_bench.diagnosis.fit.start_angles import (
+    angles_note,
+    counts_on,
+    own_angles,
+    periodic_effects,
+)
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.replay.first_sample import first_sample
 from eha_bench.plants.model import Model, model_from
@@ -109,13 +114,31 @@ def simulate_from(
 ) -> FloatArray:
     """Return the plant's outputs over a whole run, (n, outputs), from what its sensors read first.
 
+    A small error of the speed adds up to a wrong angle, and what is periodic in it loses its phase.
+    So where the model has such an effect on and nothing reads that angle, it is the integral of the
+    measured speed.
+
     Args:
         measured: the run. model: what is simulated. state: channel -> first reading, SI.
         step: largest integration step, s.
     """
     at = model.plant.at(measured.run.vector(model.plant.layout, model.vector()))
-    drive = measured.drive(0, measured.time.size)
+    drive = replace(measured.drive(0, measured.time.size), anchors=_anchors(measured, model))
     return at.simulate(drive, start_of(at, drive, state), step)
+
+
+def _anchors(measured: Measured, model: Model) -> Mapping[str, FloatArray]:
+    """Return the angle that a simulation takes from the speed that was measured, by its state."""
+    turning, layout, vector = measured.turning, model.plant.layout, model.vector()
+    if turning is None or turning[0] in measured.inputs:
+        return {}
+    unread = any(
+        not spot.angle
+        for effect in periodic_effects(layout, vector)
+        for spot in effect.spots_at(layout.choice_values(effect, vector))
+    )
+    angle = measured.shaft_angle
+    return {turning[1]: angle} if unread and angle is not None else {}
 
 
 def _with_its_own(measured: Measured, model: Model) -> Measured:
@@ -219,6 +242,12 @@ def _prediction_of(
     if sampled.is_of_several:
         columns = _at_stamps(columns, sampled.recording, recording)
     notes = measured.notes + start.notes
+    if _anchors(measured, model) and measured.turning:
+        speed, _ = measured.turning
+        notes += (
+            f"{measured.run.name}: what repeats with the turn follows the angle that the measured "
+            f"'{speed}' adds up to",
+        )
     if measured.start.is_estimated:
         notes += (angles_note({measured.run.name: measured.start}),)
     return Prediction(

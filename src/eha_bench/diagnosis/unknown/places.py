@@ -68,8 +68,8 @@ def variables_of(measured: Measured) -> dict[str, FloatArray]:
     if pair and all(name in found for name in pair):
         found["pressure_difference"] = found[pair[0]] - found[pair[1]]
         found["pressure_sum"] = found[pair[0]] + found[pair[1]]
-    if measured.shaft_angle is not None:
-        found[next(iter(measured.turning.values()))] = measured.shaft_angle
+    if measured.turning is not None and measured.shaft_angle is not None:
+        found[measured.turning[1]] = measured.shaft_angle
     return found
 
 

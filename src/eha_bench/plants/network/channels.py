@@ -144,6 +144,11 @@ def roles_of_channels(
         pressures=pressures,
         pair=pair,
         commands=tuple(dict.fromkeys((*held, *references))),
+        remembered=tuple(
+            column.channel
+            for column in system.columns
+            if column.command and column.part and column.part.element.kind.id == "spool_valve"
+        ),
         followed=tuple(references),
         on_top=tuple(on_top),
         acting=acting,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from eha_bench.core.errors import PluginError
@@ -150,13 +150,19 @@ class Hooks:
         """Return the lines that move the effects' own states on by a time `h`."""
         return self._states_lines("advance")
 
+    def remember(self) -> list[str]:
+        """Return the lines that move on what follows from commands alone by a time `h`."""
+        return self._states_lines(
+            "advance", [item for item in self._order if item.action.remembers]
+        )
+
     def start(self) -> list[str]:
         """Return the lines that set the effects' own states at the first sample."""
         return self._states_lines("start")
 
-    def _states_lines(self, what: str) -> list[str]:
+    def _states_lines(self, what: str, effects: Sequence[BoundEffect] | None = None) -> list[str]:
         lines = []
-        for effect in self._order:
+        for effect in self._order if effects is None else effects:
             functions = effect.action.advance if what == "advance" else effect.action.start
             for spot in effect.spots:
                 if not functions:

@@ -37,6 +37,8 @@ from eha_bench.plants.plant import Drive, Drives, Parametrised, Plant
 
 _WORTH_A_BLOCK = 3
 """Least number of sets that a sweep in step gains on."""
+_ANCHORED = 0.01
+"""About how often a state is set anew that a drive anchors, s."""
 
 
 @dataclass(frozen=True)
@@ -827,11 +829,16 @@ class _Fastest(Parametrised):
         values = (
             inputs.values.copy() if inputs.period > 0.0 or plant.system.loops else inputs.values
         )
-        self._kernel.simulate(
-            first, inputs.time.size - 1, inputs.time, values, inputs.given, inputs.imposed,
-            inputs.is_imposed, drive.locked, drive.bypass_open, step, True, self._parameters,
-            memory, np.zeros(self._shown.size), state, out,
-        )  # fmt: skip
+        shown = np.zeros(self._shown.size)
+        anchors = {plant.state_places[name]: series for name, series in drive.anchors.items()}
+        for begin, end in _stretches(drive, inputs):
+            self._kernel.simulate(
+                begin, end, inputs.time, values, inputs.given, inputs.imposed, inputs.is_imposed,
+                drive.locked, drive.bypass_open, step, begin == first, self._parameters, memory,
+                shown, state, out,
+            )  # fmt: skip
+            for place, series in anchors.items():
+                state[place] = series[np.searchsorted(inputs.ticks, end)]
         return out if inputs.period == 0.0 else out[inputs.ticks]
 
     def simulate_each(
@@ -939,6 +946,16 @@ class _Fastest(Parametrised):
             self._shown, state, shown,
         )  # fmt: skip
         inputs[k], out[k], out[k + 1] = values[k], shown[k], shown[-1]
+
+
+def _stretches(drive: Drive, inputs: Inputs) -> list[tuple[int, int]]:
+    """Return the ticks between which a drive runs on without a state being set anew."""
+    first, last = int(inputs.ticks[drive.first]), inputs.time.size - 1
+    if not drive.anchors or last == first:
+        return [(first, last)]
+    every = max(1, round(_ANCHORED / float(np.median(np.diff(drive.time)))))
+    edges = [*inputs.ticks[drive.first :: every].tolist()]
+    return [*pairwise([*edges, last] if edges[-1] < last else edges)]
 
 
 def _one_behind_the_other(each: Sequence[Inputs], drives: Sequence[Drive]) -> ManyInputs:

@@ -681,6 +681,8 @@ class Writer:
             "h, t, X, P, S, Y",
             [*self._show_y(), *self.hooks.advance()] or ["pass"],
         )
+        if self.hooks.remember():
+            self.function("remember_commands", "h, t, X, P, S, Y", self.hooks.remember())
         start = [*self._locals(), *self._show_y()]
         for part in system.parts.values():
             for item in part.anatomy.signals:
@@ -873,8 +875,8 @@ class Writer:
 
     @property
     def _warms_up(self) -> bool:
-        """Whether an element's own signals remember what was asked for before the first tick."""
-        return any(
+        """Whether anything remembers what was asked for before the first tick."""
+        return bool(self.hooks.remember()) or any(
             item.advance is not None
             for part in self.system.parts.values()
             for item in part.anatomy.signals
@@ -887,7 +889,10 @@ class Writer:
         for number, column in self._commands:
             at = f"inputs[k, {number}] if given[{number}] else 0.0"
             lines += [f"    {line}" for line in self._asked_lines(number, column, at)]
-            lines.append(f"    S[{column.signal}] = asked{number}")
+        if self.hooks.remember():
+            lines.append("    remember_commands(h, t, X, P, S, Y)")
+        for number, column in self._commands:
+            lines.append(f"    S[{column.signal}] = {self._acting(number, column)}")
         lines.append("    advance_signals(h, t, X, P, S, Y)")
         return lines
 

@@ -1,0 +1,79 @@
+"""A valve's opening depends on where its command comes from: magnets and friction hold it back.
+
+The command that acts lags by the play operator, half the loop either way:
+
+    play:     y = min(max(y, u - b/2), u + b/2),   b = H u_full
+    rounded:  y = mean of three such, of loops b/2, b and 3b/2
+
+H is the width of the loop as data sheets give it: the difference of the commands that give the same
+output on the way up and on the way down, of the full command. A play has sharp corners; a sum of
+several rounds them, as magnetic loops are.
+
+What was asked for before says where in its loop a valve is; at the first sample of a recording it
+is taken in the middle.
+
+Source: Krasnosel'skii, Pokrovskii, Systems with Hysteresis, Springer 1989 (play, and sums of it:
+Prandtl, Ishlinskii); Merritt, Hydraulic Control Systems, Wiley 1967, section 7.3 (torque motors).
+"""
+
+from __future__ import annotations
+
+from eha_bench.plants.compiled import njit
+from eha_bench.plants.effect import Action, Effect
+from eha_bench.plants.parameter import Parameter, choice
+
+_PLAY = 0.0
+_WORDS = ("play", "rounded")
+
+
+@njit()
+def _carried(held: float, asked: float, half: float) -> float:
+    """Return what a play of so much either way carries to."""
+    return min(max(held, asked - half), asked + half)
+
+
+def narrow(inner: float, asked: float, full: float, hysteresis: float) -> float:
+    """Return what a loop of half the width holds, in the command's unit."""
+    return _carried(inner, asked, 0.25 * hysteresis * full)
+
+
+def whole(held: float, asked: float, full: float, hysteresis: float) -> float:
+    """Return what the loop itself holds, in the command's unit."""
+    return _carried(held, asked, 0.5 * hysteresis * full)
+
+
+def wide(outer: float, asked: float, full: float, hysteresis: float) -> float:
+    """Return what a loop of one and a half times the width holds, in the command's unit."""
+    return _carried(outer, asked, 0.75 * hysteresis * full)
+
+
+def acting(asked: float, inner: float, held: float, outer: float, form: float) -> float:
+    """Return the command that acts instead of the one that was given."""
+    return held if form == _PLAY else (inner + held + outer) / 3.0
+
+
+def at_first(current: float) -> float:
+    """Return what is held at the first sample: what acts there."""
+    return current
+
+
+EFFECT = Effect(
+    id="valve_hysteresis",
+    summary="A valve opens less on the way up than on the way down.",
+    parameters=(
+        Parameter("hysteresis", "", 0.02, 0.0, 0.5, "H", "width of the loop, of the full command"),
+        choice("form", _WORDS, "whether the loop has sharp corners"),
+    ),
+    actions={
+        "valve_drive": Action(
+            {"drive": acting},
+            advance={"inner": narrow, "held": whole, "outer": wide},
+            start={"inner": at_first, "held": at_first, "outer": at_first},
+            remembers=True,
+        )
+    },
+    states=("inner", "held", "outer"),
+    source="Krasnosel'skii, Pokrovskii, Systems with Hysteresis, Springer 1989",
+    separate="slow triangles of the command: what moves at the same command, up and down?",
+    starts=({"hysteresis": 0.005}, {"hysteresis": 0.06}),
+)  # fmt: skip

@@ -1,0 +1,87 @@
+"""A valve whose opening depends on where its command comes from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.plants.effects.valve_hysteresis import acting, narrow, whole, wide
+from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.plant import Drive
+
+WIDTH, FULL = 0.06, 10.0
+
+
+def valve(form: str, effect: str = "valve_hysteresis") -> Model:
+    own = {"hysteresis": WIDTH} if effect == "valve_hysteresis" else {"time_constant": 0.03}
+    declared = DeclaredEffect(effect, {**own, "form": form})
+    return Model("valve_cylinder", {}, (), (declared,))
+
+
+def spool(model: Model, drive: Drive) -> np.ndarray:
+    out = model.plant.simulate(model.vector(), drive, 1e-4)
+    return np.asarray(out[:, model.plant.outputs.index("spool_position")])
+
+
+@pytest.mark.parametrize(
+    ("held", "asked", "found"),
+    [(0.0, 0.2, 0.0), (0.0, 0.4, 0.1), (0.0, -1.0, -0.7), (2.0, 2.0, 2.0)]
+)  # fmt: skip
+def test_a_play_holds_within_half_its_width(held, asked, found) -> None:
+    assert whole(held, asked, FULL, WIDTH) == pytest.approx(found)
+
+
+def test_a_rounded_loop_is_as_wide_as_a_play() -> None:
+    up = np.linspace(-5.0, 5.0, 2001)
+    inner, held, outer = -5.0, -5.0, -5.0
+    read = {}
+    for asked in (*up, *up[::-1]):
+        inner = narrow(inner, asked, FULL, WIDTH)
+        held, outer = whole(held, asked, FULL, WIDTH), wide(outer, asked, FULL, WIDTH)
+        for form in (0.0, 1.0):
+            read.setdefault(form, []).append(acting(asked, inner, held, outer, form))
+    for values in read.values():
+        rising, falling = np.array(values[:2001]), np.array(values[2001:][::-1])
+        assert (falling - rising)[1000] == pytest.approx(WIDTH * FULL, rel=1e-6)
+
+
+def test_the_spool_lags_a_slow_triangle_by_half_the_loop() -> None:
+    time = np.arange(0.0, 4.0, 1e-3)
+    command = 5.0 * (1.0 - np.abs(2.0 * ((0.5 * time + 0.25) % 1.0) - 1.0) * 2.0)
+    drive = Drive(time, {"valve_command": command})
+    none, shift = spool(Model("valve_cylinder"), drive), spool(valve("play"), drive)
+    scale = np.ptp(none) / np.ptp(command)
+    rising = np.gradient(command) > 0.0
+    steady = (np.abs(command) < 3.0) & (time > 1.6)
+    half = 0.5 * WIDTH * FULL * scale
+    assert np.mean((none - shift)[steady & rising]) == pytest.approx(half, rel=0.02)
+    assert np.mean((none - shift)[steady & ~rising]) == pytest.approx(-half, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("effect", "form", "off"),
+    [("valve_hysteresis", "play", 1e-6), ("valve_hysteresis", "rounded", 1e-6),
+     ("valve_lag", "first_order", 5e-3), ("valve_lag", "second_order", 5e-3)],
+)  # fmt: skip
+def test_a_window_begins_where_the_commands_before_it_have_brought_the_valve(
+    effect, form, off
+) -> None:
+    """A tenth of a second of history says little of a slow command; its turns say all."""
+    model = valve(form, effect)
+    time = np.arange(0.0, 6.0, 2e-3)
+    command = 2.0 * np.sin(1.1 * time) + 0.2 * np.sin(2.9 * time)
+    whole_run = spool(model, Drive(time, {"valve_command": command}))
+    reading = Recording(time, {"valve_command": command, "spool_position": whole_run})
+    run = Run("log", Path("log.mcap"), None, False, False, Use.TRAIN, lambda: reading)
+    roles = model.plant.roles
+    measured = admit(run, reading, ["valve_command"], model.plant.outputs, roles=roles)
+    for first in (800, 1500, 2600):
+        drive = measured.drive(first, first + 60, {"spool_position": whole_run[first]}, history=50)
+        window = spool(model, drive)[drive.first :]
+        apart = np.abs(window - whole_run[first : first + 60]).max()
+        assert apart < off * np.ptp(whole_run)
