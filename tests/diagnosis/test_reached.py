@@ -1,11 +1,16 @@
 """Bounds of parameters by what was measured: settings of valves, speeds by which friction falls."""
 
+import sys
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
 from slide_plant import slide
 
 from eha_bench.diagnosis.data.gate import Measured
@@ -118,14 +123,29 @@ def fastest(layout, values, time):
 def test_a_position_with_empty_cells_and_gaps_shows_a_speed(tmp_path):
     layout = slide(tmp_path).plant.layout
     time = np.arange(0.0, 2.0, 1e-3)
-    swing = 0.3 / np.pi * np.sin(np.pi * time)
+    noise = 1e-6 * np.random.default_rng(0).standard_normal(time.size)
+    swing = 0.3 / np.pi * np.sin(np.pi * time) + noise
     for every in (2, 40):
         slow = np.where(np.arange(time.size) % every == 0, swing, np.nan)
-        assert fastest(layout, slow, time) == pytest.approx(0.06, rel=0.02)
+        assert fastest(layout, slow, time) == pytest.approx(0.06, rel=0.03)
     # what it moved by in a gap was at no speed that is known
     gap = np.where(time < 1.0, time, time + 3.0)
     moved = np.where(time < 1.0, 0.1 * time, 5.0 + 0.1 * time)
     assert fastest(layout, moved, gap) == pytest.approx(0.02, rel=0.01)
+
+
+def test_noise_and_steps_of_a_sensor_are_no_speed(tmp_path):
+    layout = slide(tmp_path).plant.layout
+    time = np.arange(0.0, 4.0, 1e-3)
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(time.size)
+    assert fastest(layout, noise, time) == np.inf
+    coarse = np.round(5e-3 * time / 1e-3) * 1e-3
+    assert fastest(layout, coarse, time) == np.inf
+    slow = 0.05 * time + noise
+    assert fastest(layout, slow, time) == pytest.approx(0.01, rel=0.1)
+    assert fastest(layout, np.round(0.05 * time / 1e-3) * 1e-3, time) == pytest.approx(
+        0.01, rel=0.1
+    )
 
 
 def test_a_place_that_never_moves_shows_none(tmp_path):

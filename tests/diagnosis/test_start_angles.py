@@ -30,12 +30,12 @@ from eha_bench.diagnosis.fit.start_angles import (
 )
 from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.replay.first_sample import first_state
-from eha_bench.diagnosis.replay.prediction import predict, simulate_from
+from eha_bench.diagnosis.replay.prediction import _anchors, predict, simulate_from
 from eha_bench.diagnosis.search.periodic import Form, Wave, best_counts, scan
 from eha_bench.diagnosis.search.refit import Near
 from eha_bench.diagnosis.search.start_angles import with_own_angles
 from eha_bench.diagnosis.search.state import Search, begin
-from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.model import DeclaredEffect, Model, load_model
 from eha_bench.plants.plant import Drive
 
 NOISE = {"current": 0.05, "motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
@@ -311,3 +311,58 @@ def test_anchors_that_say_what_the_plant_does_change_nothing() -> None:
     apart = plant.simulate(vector, other, 1e-4)[:, plant.outputs.index("motor_speed")] - speed
     assert np.abs(apart[:11]).max() < 1e-9
     assert np.abs(apart).max() > 1.0
+
+
+SPRUNG = """\
+plant: sprung_shaft
+nodes:
+  shaft: {kind: rotation, inertia: 1e-4 kg*m^2}
+  arm:   {kind: rotation}
+elements:
+  motor:  {kind: motor, on: shaft, torque_constant: 0.05 N*m/A}
+  gear:   {kind: gear, from: shaft, to: arm, ratio: -5}
+  drag:   {kind: friction, on: shaft, viscous: 1e-3 N*m*s/rad}
+SPRING
+inputs:   {current: motor.current}
+channels: {motor_speed: shaft.speed}
+"""
+SPRING = "  spring: {kind: spring, on: arm, stiffness: 0.5 N*m/rad}"
+
+
+def replayed(folder: Path, spring: str, dead: float = np.inf) -> tuple[Measured, Model]:
+    """A shaft read as a speed behind a gear, on a spring or not, with next to no ripple."""
+    path = folder / "plant.yaml"
+    path.write_text(SPRUNG.replace("SPRING", spring))
+    pull = DeclaredEffect("cogging_torque", {"amplitude": 1e-6, "count": 6.0})
+    model = replace(load_model(path), effects=(pull,))
+    time = np.arange(0.0, 4.0, 2e-3)
+    current = 0.3 * np.sin(3.0 * time)
+    at = model.plant.outputs.index("motor_speed")
+    speed = model.plant.simulate(model.vector(), Drive(time, {"current": current}), 1e-4)[:, at]
+    speed += 1e-3 * np.random.default_rng(2).standard_normal(time.size)
+    speed[time > dead] = np.nan
+    reading = Recording(time, {"current": current, "motor_speed": speed})
+    run = Run("log", Path("log.mcap"), None, False, False, Use.TRAIN, lambda: reading)
+    roles = model.plant.roles
+    return admit(run, reading, ["current"], model.plant.outputs, roles=roles), model
+
+
+def test_an_angle_is_known_by_a_speed_behind_a_gear(tmp_path: Path) -> None:
+    measured, model = replayed(tmp_path, "")
+    assert measured.turning == ("motor_speed", "arm_angle", -5.0)
+    turned = -np.cumsum(measured.column("motor_speed")) * 2e-3 / 5.0
+    assert measured.shaft_angle == pytest.approx(turned, abs=5e-3)
+    assert [*_anchors(measured, model, first_state(measured, model), 2e-4)] == ["arm_angle"]
+
+
+def test_an_angle_that_a_spring_follows_as_well_is_simulated(tmp_path: Path) -> None:
+    measured, model = replayed(tmp_path, SPRING)
+    assert measured.turning is not None
+    assert _anchors(measured, model, first_state(measured, model), 2e-4) == {}
+
+
+def test_an_angle_is_not_known_after_its_speed_was_not_read_for_long(tmp_path: Path) -> None:
+    measured, _ = replayed(tmp_path, "", dead=1.5)
+    known = np.isfinite(measured.known_shaft_angle)
+    assert known[measured.time < 1.49].all()
+    assert not known[measured.time > 1.51].any()

@@ -10,14 +10,14 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped_file
-from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.dataset import Dataset, Run, Use, load_dataset
+from eha_bench.diagnosis.data.gate import Measured, admit
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.unmeasured import missing
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.baseline import calibrated_baseline, gather
 from eha_bench.diagnosis.fit.evidence import excess
-from eha_bench.diagnosis.replay.first_sample import first_sample
+from eha_bench.diagnosis.replay.first_sample import first_sample, first_state
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.plants.model import Model, load_model
 from eha_bench.plants.plant import Drive
@@ -182,5 +182,16 @@ def test_what_turns_a_piston_that_is_locked_stands_still(tmp_path: Path) -> None
     text = text.replace("channels: {", "channels: {wheel_angle: wheel.angle, ")
     path = tmp_path / "plant.yaml"
     path.write_text(text)
-    locked = load_model(path).plant.roles.locked
-    assert {"piston_position", "piston_velocity", "wheel_angle"} == {*locked}
+    model = load_model(path)
+    roles = model.plant.roles
+    assert {"piston_position", "piston_velocity", "wheel_angle"} == {*roles.locked}
+    time = np.arange(0.0, 1.0, 1e-3)
+    data = {
+        "valve_command": np.sin(20.0 * time),
+        "pressure_a": 7e6 + 1e5 * np.sin(20.0 * time),
+        "wheel_angle": np.full(time.size, 2.0),
+    }
+    reading = Recording(time, data)
+    run = Run("log", Path("log.mcap"), None, True, False, Use.TRAIN, lambda: reading)
+    measured = admit(run, reading, ["valve_command"], model.plant.outputs, roles=roles)
+    assert first_state(measured, model)["piston_position"] == pytest.approx(0.05)

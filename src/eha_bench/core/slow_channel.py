@@ -37,5 +37,5 @@ def readings_of(values: FloatArray) -> Readings:
         return Readings(1, values.size - read.size + infinite)
     # a row that was lost shifts the pattern, and is no reading that is missing
     between = int(np.sum(np.maximum(steps // usual - 1, 0)))
-    at_ends = (int(read[0]) + values.size - 1 - int(read[-1])) // usual
+    at_ends = int(read[0]) // usual + (values.size - 1 - int(read[-1])) // usual
     return Readings(usual, between + at_ends + infinite)

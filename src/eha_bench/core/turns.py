@@ -6,15 +6,12 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray, IndexArray
 
-_MOST = 40
-"""Turns that are kept at most; each is smaller than the one before."""
-
 
 def remembered_turns(values: FloatArray) -> IndexArray:
     """Return the places of the turns that larger ones have not wiped out, in their order, (k,).
 
-    A play of any width, and any sum of plays, depends on these alone: first the later of the two
-    extremes, then the extreme of the other side since, and so on; the first value is kept as well.
+    A play of any width, and any sum of plays, depends on these and on the first value alone: on the
+    later of the two extremes, then the extreme of the other side since, and so on.
 
     Args:
         values: (n,), may be empty.
@@ -23,13 +20,12 @@ def remembered_turns(values: FloatArray) -> IndexArray:
     """
     if not values.size:
         return np.zeros(0, dtype=np.intp)
-    last = values.size - 1
-    high, low = (last - int(np.argmax(side[::-1])) for side in (values, -values))
-    found = [0, min(high, low), max(high, low)]
-    is_high = high > low
-    while found[-1] < last and len(found) < _MOST:
-        rest = values[found[-1] + 1 :]
-        extreme = -rest if is_high else rest
-        found.append(last - int(np.argmax(extreme[::-1])))
-        is_high = not is_high
-    return np.unique(found)
+    back = values[::-1]
+    # seen from the end, a turn is remembered where it goes beyond everything since
+    highest = np.concatenate([[True], back[1:] > np.maximum.accumulate(back)[:-1]])
+    lowest = np.concatenate([[False], back[1:] < np.minimum.accumulate(back)[:-1]])
+    places = np.flatnonzero(highest | lowest)
+    # of several on the same side the furthest counts
+    last = np.append(highest[places][1:] != highest[places][:-1], True)
+    last[0] = True
+    return np.unique(np.append(values.size - 1 - places[last], 0))

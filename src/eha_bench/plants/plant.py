@@ -42,7 +42,9 @@ class Drive:
         locked, bypass_open: setup of the rig.
         first: tick at which the simulation starts; what is before it is history of the inputs
             (a delayed command looks back), and its rows of the result are NaN.
-        anchors: state that nothing reads -> (n,) SI: where it is set anew every few samples.
+        turns: rows at its beginning that are turns of commands long before, all at once.
+        anchors: state that nothing reads -> (n,) SI: where it is set anew every few samples, in a
+            plant that is a network; NaN where it is not known.
     """
 
     time: FloatArray
@@ -51,6 +53,7 @@ class Drive:
     locked: bool = False
     bypass_open: bool = False
     first: int = 0
+    turns: int = 0
     anchors: Mapping[str, FloatArray] = field(default_factory=dict)
     laid_out: dict[str, object] = field(default_factory=dict, init=False, repr=False, compare=False)
     """What is kept of the inputs between simulations: a plant's by its id, and the first tick."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,6 +57,23 @@ class FirstReading:
 
 _AT_ONCE = 1e-9
 """Time between two turns that are remembered, s: too short for anything to follow."""
+
+
+_UNREAD = 0.1
+"""Longest time between two readings of a speed over which its angle is known, s."""
+
+
+class Turning(NamedTuple):
+    """What turns and is read only as a speed.
+
+    Attributes:
+        channel: the speed that is read. angle: the state that nothing reads.
+        ratio: how many times as fast the channel turns as the angle, as declared.
+    """
+
+    channel: str
+    angle: str
+    ratio: float
 
 
 @dataclass(frozen=True)
@@ -176,17 +194,17 @@ class Measured:
         return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.intp)
 
     @cached_property
-    def turning(self) -> tuple[str, str] | None:
-        """The speed that is read of what turns, and the angle that nothing reads; or None."""
+    def turning(self) -> Turning | None:
+        """What turns and is read only as a speed; None where there is nothing of the kind."""
         told = {shown for name, (shown, _) in self.roles.geared.items() if self._reads(name)}
-        return next(
-            (
-                (speed, angle)
-                for speed, angle in self.roles.turning.items()
-                if angle not in told and self._reads(speed)
-            ),
-            None,
-        )
+        geared = [(name, *item) for name, item in self.roles.geared.items()]
+        for speed, angle in self.roles.turning.items():
+            if angle in told:
+                continue
+            for name, shown, ratio in [(speed, speed, 1.0), *geared]:
+                if shown == speed and self._reads(name):
+                    return Turning(name, angle, ratio)
+        return None
 
     def _reads(self, channel: str) -> bool:
         return channel in self.inputs or self.column(channel) is not None
@@ -196,13 +214,23 @@ class Measured:
         """The shaft's angle from its start by the integrated measured speed, (n,) rad, or None."""
         if self.turning is None:
             return None
-        name, _ = self.turning
-        speed = self.inputs.get(name, self.column(name))
+        speed = self.inputs.get(self.turning.channel, self.column(self.turning.channel))
         assert speed is not None
         good = np.isfinite(speed)
-        filled = np.interp(self.time, self.time[good], speed[good])
+        filled = np.interp(self.time, self.time[good], speed[good]) / self.turning.ratio
         steps = 0.5 * (filled[1:] + filled[:-1]) * np.diff(self.time)
         return self.start.value + np.concatenate([[0.0], np.cumsum(steps)])
+
+    @cached_property
+    def known_shaft_angle(self) -> FloatArray | None:
+        """The same, NaN from where its speed was not read for long."""
+        if self.turning is None or self.shaft_angle is None:
+            return None
+        speed = self.inputs.get(self.turning.channel, self.column(self.turning.channel))
+        assert speed is not None
+        read = np.append(self.time[np.isfinite(speed)], np.inf)
+        ends = np.flatnonzero(np.diff(read) > max(_UNREAD, 3.0 * float(np.median(np.diff(read)))))
+        return np.where(self.time <= read[ends[0]], self.shaft_angle, np.nan)
 
     def drive(
         self, first: int, last: int, initial: Mapping[str, float] | None = None, history: int = 0
@@ -227,16 +255,21 @@ class Measured:
             self.run.locked,
             self.run.bypass_open,
             before.size + first - lead,
+            turns=before.size,
         )
+
+    @cached_property
+    def _turns(self) -> dict[int, IndexArray]:
+        """What `_turns_before` has found, by tick."""
+        return {}
 
     def _turns_before(self, tick: int) -> IndexArray:
         """Return ticks at which commands turned that a play still remembers at one, (k,)."""
-        commands = [self.inputs[name] for name in self.roles.remembered if name in self.inputs]
-        if not commands or tick == 0:
-            return np.zeros(0, dtype=np.intp)
-        found = np.unique(np.concatenate([remembered_turns(own[:tick]) for own in commands]))
-        # what looks back further than the history finds what was asked for where that begins
-        return np.concatenate([[tick], found])
+        if tick not in self._turns:
+            commands = [self.inputs[name] for name in self.roles.remembered if name in self.inputs]
+            found = [remembered_turns(own[:tick]) for own in commands]
+            self._turns[tick] = np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *found]))
+        return self._turns[tick]
 
     def column(self, channel: str) -> FloatArray | None:
         """Return a valid channel with NaN where it may not be believed, or None."""

@@ -294,7 +294,7 @@ def _turn(
     """Set the angle of the shaft at a tick, and how far it may be off."""
     if measured.turning is None or measured.shaft_angle is None:
         return
-    speed, angle = measured.turning
+    speed, angle, ratio = measured.turning
     state[angle] = float(measured.shaft_angle[first])
     walked = 0.0
     own = measured.input_noise if speed in measured.inputs else noise
@@ -303,7 +303,7 @@ def _turn(
         period = float(measured.time[-1]) / (measured.time.size - 1)
         colour = measured.colours.get(speed)
         loud = own[speed] * (colour.loudness_of_mean(max(1, first)) if colour else 1.0)
-        walked = loud * np.sqrt(float(measured.time[first]) * period)
+        walked = loud / abs(ratio) * np.sqrt(float(measured.time[first]) * period)
     elif not measured.start.is_estimated:
         return
     spread[angle] = float(np.hypot(walked, measured.start.spread))

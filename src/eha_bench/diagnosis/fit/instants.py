@@ -12,6 +12,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.plants.plant import Drive
 
 
 @dataclass(frozen=True)
@@ -54,15 +55,15 @@ def instants_of(
     measured: Measured,
     channels: Sequence[str],
     columns: IndexArray,
-    span: tuple[int, int],
-    lead: int,
+    window: int,
+    drive: Drive,
     picked: tuple[IndexArray, IndexArray],
 ) -> Instants | None:
     """Return when samples of a window were taken, None where all were taken at ticks.
 
     Args:
         measured: the run. channels: those compared. columns: (m,) outputs that they are.
-        span: first tick of the window, and the one behind it. lead: ticks simulated before it.
+        window: first tick of the window. drive: what it is simulated with.
         picked: (N,) tick in the window and (N,) number of the channel of each sample.
     """
     if not any(name in measured.taken for name in channels):
@@ -74,7 +75,7 @@ def instants_of(
         if name not in measured.taken:
             continue
         own = np.flatnonzero(numbers == number)
-        at = span[0] + ticks[own]
+        at = window + ticks[own]
         rows.append(own)
         stamps.append(measured.time[at] + measured.taken[name][at])
         clocks.append(np.full(own.size, names.index(measured.late[name]), dtype=np.intp))
@@ -85,6 +86,6 @@ def instants_of(
         np.concatenate(stamps),
         np.concatenate(clocks),
         names,
-        measured.time[span[0] - lead : span[1]],
-        lead,
+        drive.time,
+        drive.first,
     )

@@ -87,10 +87,15 @@ def _responses(
 ) -> tuple[list[_Pulse], FloatArray, int]:
     """Return lost messages that show, what each does, (N, k), and how many simulations it took."""
     items = [
-        _Pulse(name, max(int(tick) - begin, 0), min(int(stop) - begin, drive.time.size), spread)
+        _Pulse(
+            name,
+            max(int(tick) - begin, drive.turns),
+            min(int(stop) - begin, drive.time.size),
+            spread,
+        )
         for name, own in unsure.items()
         for tick, stop, spread in zip(own.ticks, own.stops, own.spread.tolist(), strict=True)
-        if stop > begin and tick - begin < drive.time.size
+        if stop - begin > drive.turns and tick - begin < drive.time.size
     ]
     items.sort(key=lambda item: -item.spread)
     if not items:

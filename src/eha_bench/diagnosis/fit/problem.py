@@ -550,8 +550,8 @@ class Problem:
                 measured,
                 compared,
                 columns,
-                (window.first, window.last),
-                drive.first,
+                window.first,
+                drive,
                 (ticks, channels),
             ),
         )

@@ -20,6 +20,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.noise import quantum_of, sharp_noise_of
 from eha_bench.plants.effect import AT, BoundEffect, Spot
 from eha_bench.plants.layout import Layout
 
@@ -27,8 +28,12 @@ _SAMPLES = 2000
 """Samples that a median is taken over, evenly spread."""
 _FADED = 1.0 / 5.0
 """Largest speed by which something falls, as a share of the fastest."""
-_STRETCH = 0.02
-"""Time over which a speed is read from a position, s."""
+_STRETCHES = (0.02, 0.05, 0.1, 0.2, 0.5)
+"""Times over which a speed may be read from a position, s."""
+_CLEAR = 10.0
+"""How often the noise of a position it has to move by for a speed to be read."""
+_FEWEST = 10
+"""Fewest readings of a position that show a speed."""
 _FASTEST = 0.995
 """Share of samples that are slower than what counts as the fastest: the rest may be outliers."""
 
@@ -130,17 +135,29 @@ def _speed(run: Measured, spot: Spot) -> FloatArray:
     position, speed = spot.motion
     read = _read(run, speed)
     if read is None and (way := _read(run, position)) is not None:
-        read = _slopes(run.time, way)
+        read = _clear_slopes(run.time, way)
     return np.zeros(0) if read is None else np.asarray(read[np.isfinite(read)])
 
 
-def _slopes(time: FloatArray, way: FloatArray) -> FloatArray:
-    """Return the speeds between readings of a position some way apart, none across gaps, (k,)."""
+def _clear_slopes(time: FloatArray, way: FloatArray) -> FloatArray:
+    """Return the speeds behind a position, (k,): over the shortest time that shows more than noise.
+
+    None where no time does: the place does not move, or a coarse sensor does not say how fast.
+    """
     good = np.isfinite(way)
     time, way = time[good], way[good]
-    if way.size < 2:
+    if way.size < _FEWEST:
         return np.zeros(0)
-    stretch = max(_STRETCH, float(np.median(np.diff(time))))
+    loud = max(sharp_noise_of(way), quantum_of(way))
+    for stretch in _STRETCHES:
+        speeds = _slopes(time, way, max(stretch, float(np.median(np.diff(time)))))
+        if speeds.size and np.quantile(np.abs(speeds), _FASTEST) * stretch > _CLEAR * loud:
+            return speeds
+    return np.zeros(0)
+
+
+def _slopes(time: FloatArray, way: FloatArray, stretch: float) -> FloatArray:
+    """Return the speeds between readings of a position some time apart, none across gaps, (k,)."""
     first = np.arange(way.size)
     second = np.searchsorted(time, time + (1.0 - 1e-9) * stretch)
     inside = second < way.size

@@ -97,7 +97,7 @@ def _of_lost_phase(search: Search, item: Accepted, vector: FloatArray) -> str:
         return ""
     if any(spot.angle for spot in effect.spots_at(layout.choice_values(effect, vector))):
         return ""
-    if any(window.measured.turning for window in search.problem.windows):
+    if all(window.measured.turning for window in search.problem.windows):
         # whole runs follow what the measured speed adds up to
         return ""
     share = min(item.comparison.share, item.comparison.share_out, 1.0)

@@ -27,6 +27,7 @@ from eha_bench.diagnosis.fit.start_angles import (
     angles_of,
     counts_on,
     estimated_angles,
+    own_angles,
     starts_of,
 )
 from eha_bench.diagnosis.fit.steady_windows import cut_alike, steady_problem
@@ -127,15 +128,18 @@ def scores_of(
     noise = base.problem.noise
     held_out, notes = _read(dataset, base.measured)
     starts = starts_of(base.problem)
-    if starts and counts_on(dataset.model.plant.layout, vectors[-1]):
-        seen = angles_of(base.problem)
+    if counts_on(dataset.model.plant.layout, vectors[-1]):
+        seen = angles_of(base.problem) if starts else {}
+        # where training runs begin alike, one that clearly does not is another one: as `predict`
+        angles = estimated_angles if starts else own_angles
         for item in (*base.measured, *held_out):
             alone = None if item.run.name in seen else _windows_of(dataset, [item], noise)
             if alone is not None:
-                starts |= estimated_angles(alone, vectors[-1])
+                starts |= angles(alone, vectors[-1])
         base = base.at_angles(starts)
         held_out = [item.at_angles(starts) for item in held_out]
-        notes.append(angles_note(starts))
+        if starts:
+            notes.append(angles_note(starts))
     parts = [[first_part(item, model, noise) for item in held_out] for model in models[1:]]
     trained = [base.problem.places.values(vector) for vector in vectors]
     own: tuple[OwnValues, ...] = (

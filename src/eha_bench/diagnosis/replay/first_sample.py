@@ -161,13 +161,15 @@ def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> d
         if name in state and abs(state[name]) < 4.0 * noise.get(name, 0.0):
             state[name] = 0.0
     if measured.run.locked:
+        held = measured.held
+        held = {**model.plant.through_parts(model.vector(), held), **held}
         for name in roles.locked:
             if name in roles.rate_of:
-                state.setdefault(name, measured.held.get(name, 0.0))
+                state.setdefault(name, held.get(name, 0.0))
             elif name in roles.rates:
                 state[name] = 0.0
     if measured.start.is_estimated and measured.turning is not None:
-        state[measured.turning[1]] = measured.start.value
+        state[measured.turning.angle] = measured.start.value
     return state
 
 

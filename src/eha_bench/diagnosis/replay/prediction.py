@@ -109,6 +109,12 @@ class Prediction:
             pq.write_table(table, part)
 
 
+_FEW = 20
+"""Samples over which it shows whether anything depends on an angle."""
+_TURNED = (0.3, 7.0, -7.0, 100.0, -100.0)
+"""Angles by which a start is turned for that, rad: springs, weights and stops show."""
+
+
 def simulate_from(
     measured: Measured, model: Model, state: Mapping[str, float], step: float
 ) -> FloatArray:
@@ -123,22 +129,51 @@ def simulate_from(
         step: largest integration step, s.
     """
     at = model.plant.at(measured.run.vector(model.plant.layout, model.vector()))
-    drive = replace(measured.drive(0, measured.time.size), anchors=_anchors(measured, model))
+    drive = measured.drive(0, measured.time.size)
+    drive = replace(drive, anchors=_anchors(measured, model, state, step))
     return at.simulate(drive, start_of(at, drive, state), step)
 
 
-def _anchors(measured: Measured, model: Model) -> Mapping[str, FloatArray]:
-    """Return the angle that a simulation takes from the speed that was measured, by its state."""
+def _anchors(
+    measured: Measured, model: Model, state: Mapping[str, float], step: float
+) -> Mapping[str, FloatArray]:
+    """Return the angle that a simulation takes from the speed that was measured, by its state.
+
+    Only where nothing else in the plant depends on that angle: a spring that is held where a sensor
+    has drifted to would pull at everything.
+    """
     turning, layout, vector = measured.turning, model.plant.layout, model.vector()
-    if turning is None or turning[0] in measured.inputs:
+    angle = measured.known_shaft_angle
+    if turning is None or angle is None or turning.channel in measured.inputs:
         return {}
+    periodic = periodic_effects(layout, vector)
     unread = any(
         not spot.angle
-        for effect in periodic_effects(layout, vector)
+        for effect in periodic
         for spot in effect.spots_at(layout.choice_values(effect, vector))
     )
-    angle = measured.shaft_angle
-    return {turning[1]: angle} if unread and angle is not None else {}
+    if not unread or _acts_elsewhere(measured, model, state, step):
+        return {}
+    return {turning.angle: angle}
+
+
+def _acts_elsewhere(
+    measured: Measured, model: Model, state: Mapping[str, float], step: float
+) -> bool:
+    """Whether anything but what is periodic depends on the angle that nothing reads."""
+    assert measured.turning is not None
+    layout, vector = model.plant.layout, model.vector().copy()
+    for effect in periodic_effects(layout, vector):
+        vector[layout.index[f"{effect.id}.{effect.strength.name}"]] = effect.neutral
+    at = model.plant.at(vector)
+    drive = measured.drive(0, min(_FEW, measured.time.size))
+    start = {measured.turning.angle: 0.0, **start_of(at, drive, state)}
+    plain = at.simulate(drive, start, step)
+    for turned in _TURNED:
+        other = {**start, measured.turning.angle: start[measured.turning.angle] + turned}
+        if not np.array_equal(at.simulate(drive, other, step), plain, equal_nan=True):
+            return True
+    return False
 
 
 def _with_its_own(measured: Measured, model: Model) -> Measured:
@@ -168,6 +203,9 @@ def predict(
     progress: Callable[[str, float], None] | None = None,
 ) -> tuple[Prediction, ...]:
     """Simulate every run of a dataset freely, from its inputs and its first sample.
+
+    What repeats with the turn of a shaft whose angle nothing reads follows the integral of its
+    measured speed, and a note says so.
 
     Channels that nothing among the inputs drives are left out. What the log does not tell of a
     run's start is assumed at rest, and noted. No first sample says at which angle
@@ -242,8 +280,8 @@ def _prediction_of(
     if sampled.is_of_several:
         columns = _at_stamps(columns, sampled.recording, recording)
     notes = measured.notes + start.notes
-    if _anchors(measured, model) and measured.turning:
-        speed, _ = measured.turning
+    if _anchors(measured, model, start.state, STEP) and measured.turning:
+        speed = measured.turning.channel
         notes += (
             f"{measured.run.name}: what repeats with the turn follows the angle that the measured "
             f"'{speed}' adds up to",

@@ -8,6 +8,7 @@ fraction of what a refit gains, but their order holds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,6 +50,11 @@ class Screened:
     direction: NDArray[np.float32]
 
 
+def _probe(amplitude: float) -> float:
+    """Return a size to look at near another one: the same, but where that is next to nothing."""
+    return math.copysign(max(abs(amplitude), _SMALLEST), amplitude)
+
+
 def _amplitudes(start: Start) -> tuple[float, float]:
     """Return the least and the largest multiple of a start's strength within its bounds."""
     ends = ((bound - start.neutral) / (start.strength - start.neutral)
@@ -87,7 +93,12 @@ class Screen:
             if found.gain > best.gain:
                 best = found
             # far from the probe the change is not proportional: probe where it points to
-            if not queue and again and best.gain > 0.0 and abs(best.amplitude) < 0.1 * min(shares):
+            if (
+                not queue
+                and again
+                and best.gain > 0.0
+                and abs(best.amplitude) < 0.1 * min(map(abs, shares))
+            ):
                 queue = [best.amplitude]
                 shares = [abs(best.amplitude)]
                 again -= 1
@@ -151,7 +162,7 @@ class Screen:
 
     def _best_setting(self, item: Screened, at: int, parameter: Parameter) -> Screened:
         # what is predicted at another setting is compared with what is predicted here
-        item = self.run(item.start, (max(abs(item.amplitude), _SMALLEST),))
+        item = self.run(item.start, (_probe(item.amplitude),))
         for step in _STEPS:
             for factor in (step, 1.0 / step):
                 while True:
@@ -161,7 +172,7 @@ class Screen:
                     permitted = self.problem.places.permits(vector, start.keys)
                     if not parameter.low <= value <= parameter.high or not permitted:
                         break
-                    found = self.run(start, (max(abs(item.amplitude), _SMALLEST),))
+                    found = self.run(start, (_probe(item.amplitude),))
                     if found.gain <= item.gain:
                         break
                     item = found

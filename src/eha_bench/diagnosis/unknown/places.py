@@ -69,7 +69,7 @@ def variables_of(measured: Measured) -> dict[str, FloatArray]:
         found["pressure_difference"] = found[pair[0]] - found[pair[1]]
         found["pressure_sum"] = found[pair[0]] + found[pair[1]]
     if measured.turning is not None and measured.shaft_angle is not None:
-        found[measured.turning[1]] = measured.shaft_angle
+        found[measured.turning.angle] = measured.shaft_angle
     return found
 
 

@@ -32,41 +32,54 @@ def _carried(held: float, asked: float, half: float) -> float:
     return min(max(held, asked - half), asked + half)
 
 
-def narrow(inner: float, asked: float, full: float, hysteresis: float) -> float:
+def narrow(inner: float, demanded: float, full: float, hysteresis: float) -> float:
     """Return what a loop of half the width holds, in the command's unit."""
-    return _carried(inner, asked, 0.25 * hysteresis * full)
+    return _carried(inner, demanded, 0.25 * hysteresis * full)
 
 
-def whole(held: float, asked: float, full: float, hysteresis: float) -> float:
+def whole(held: float, demanded: float, full: float, hysteresis: float) -> float:
     """Return what the loop itself holds, in the command's unit."""
-    return _carried(held, asked, 0.5 * hysteresis * full)
+    return _carried(held, demanded, 0.5 * hysteresis * full)
 
 
-def wide(outer: float, asked: float, full: float, hysteresis: float) -> float:
+def wide(outer: float, demanded: float, full: float, hysteresis: float) -> float:
     """Return what a loop of one and a half times the width holds, in the command's unit."""
-    return _carried(outer, asked, 0.75 * hysteresis * full)
+    return _carried(outer, demanded, 0.75 * hysteresis * full)
 
 
-def acting(asked: float, inner: float, held: float, outer: float, form: float) -> float:
-    """Return the command that acts instead of the one that was given."""
-    return held if form == _PLAY else (inner + held + outer) / 3.0
+def held_back(
+    demanded: float,
+    inner: float,
+    held: float,
+    outer: float,
+    full: float,
+    hysteresis: float,
+    form: float,
+) -> float:
+    """Return the command that the valve follows instead of the one that was given."""
+    half = 0.5 * hysteresis * full
+    middle = _carried(held, demanded, half)
+    if form == _PLAY:
+        return middle
+    ends = _carried(inner, demanded, 0.5 * half) + _carried(outer, demanded, 1.5 * half)
+    return (ends + middle) / 3.0
 
 
-def at_first(current: float) -> float:
-    """Return what is held at the first sample: what acts there."""
-    return current
+def at_first(demanded: float) -> float:
+    """Return what is held where nothing was asked for before: the command itself."""
+    return demanded
 
 
 EFFECT = Effect(
     id="valve_hysteresis",
-    summary="A valve opens less on the way up than on the way down.",
+    summary="A valve's opening lags behind its command, on the way up and on the way down.",
     parameters=(
         Parameter("hysteresis", "", 0.02, 0.0, 0.5, "H", "width of the loop, of the full command"),
         choice("form", _WORDS, "whether the loop has sharp corners"),
     ),
     actions={
         "valve_drive": Action(
-            {"drive": acting},
+            {"demand": held_back},
             advance={"inner": narrow, "held": whole, "outer": wide},
             start={"inner": at_first, "held": at_first, "outer": at_first},
             remembers=True,

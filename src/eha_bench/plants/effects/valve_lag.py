@@ -126,7 +126,6 @@ EFFECT = Effect(
             # in this order: both go on from where both were
             advance={"was": speed_before, "speed": speed_after, "lagging": follow},
             start={"lagging": at_first},
-            remembers=True,
         )
     },
     states=("lagging", "speed", "was"),

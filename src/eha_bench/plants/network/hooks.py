@@ -148,21 +148,20 @@ class Hooks:
 
     def advance(self) -> list[str]:
         """Return the lines that move the effects' own states on by a time `h`."""
-        return self._states_lines("advance")
+        return self._states_lines("advance", self._order)
 
-    def remember(self) -> list[str]:
-        """Return the lines that move on what follows from commands alone by a time `h`."""
-        return self._states_lines(
-            "advance", [item for item in self._order if item.action.remembers]
-        )
+    def remember(self, what: str = "advance") -> list[str]:
+        """Return the lines that `advance` or `start` states that follow from commands alone."""
+        return self._states_lines(what, [item for item in self._order if item.action.remembers])
 
     def start(self) -> list[str]:
-        """Return the lines that set the effects' own states at the first sample."""
-        return self._states_lines("start")
+        """Return the lines that set the effects' other states at the first sample."""
+        others = [item for item in self._order if not item.action.remembers]
+        return self._states_lines("start", others)
 
-    def _states_lines(self, what: str, effects: Sequence[BoundEffect] | None = None) -> list[str]:
+    def _states_lines(self, what: str, effects: Sequence[BoundEffect]) -> list[str]:
         lines = []
-        for effect in self._order if effects is None else effects:
+        for effect in effects:
             functions = effect.action.advance if what == "advance" else effect.action.start
             for spot in effect.spots:
                 if not functions:

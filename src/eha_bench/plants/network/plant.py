@@ -838,7 +838,8 @@ class _Fastest(Parametrised):
                 shown, state, out,
             )  # fmt: skip
             for place, series in anchors.items():
-                state[place] = series[np.searchsorted(inputs.ticks, end)]
+                if math.isfinite(here := series[np.searchsorted(inputs.ticks, end)]):
+                    state[place] = here
         return out if inputs.period == 0.0 else out[inputs.ticks]
 
     def simulate_each(

@@ -682,6 +682,8 @@ class Writer:
             [*self._show_y(), *self.hooks.advance()] or ["pass"],
         )
         if self.hooks.remember():
+            begin = self.hooks.remember("start")
+            self.function("forget_commands", "t, X, P, S, Y", begin)
             self.function("remember_commands", "h, t, X, P, S, Y", self.hooks.remember())
         start = [*self._locals(), *self._show_y()]
         for part in system.parts.values():
@@ -851,6 +853,8 @@ class Writer:
             lines += [f"if is_imposed[{place}]:", f"    Y[{place}] = imposed[first, {place}]"]
         lines += self._signal_lines("first", None)
         measured = {signal: column for column, signal in self._imposable()}
+        if self.hooks.remember():
+            lines += self._forgotten("max(first - 1, 0)")
         for number, column in self._commands:
             assert column.command is not None
             assert column.part is not None
@@ -882,8 +886,17 @@ class Writer:
             for item in part.anatomy.signals
         )
 
+    def _forgotten(self, row: str) -> list[str]:
+        """Lines that begin what follows from commands alone at those of a row."""
+        lines = []
+        for number, column in self._commands:
+            at = f"inputs[{row}, {number}] if given[{number}] else 0.0"
+            lines += self._asked_lines(number, column, at)
+        return [*lines, "forget_commands(t, X, P, S, Y)"]
+
     def _warm_up(self) -> list[str]:
-        lines = ["for k in range(first):", "    h = times[k + 1] - times[k]"]
+        lines = self._forgotten("0") if self.hooks.remember() else []
+        lines += ["for k in range(first):", "    h = times[k + 1] - times[k]"]
         if self._factors:
             lines.append("    prepare_signals(h, X, P, S)")
         for number, column in self._commands:
