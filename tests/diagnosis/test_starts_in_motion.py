@@ -195,3 +195,26 @@ def test_what_turns_a_piston_that_is_locked_stands_still(tmp_path: Path) -> None
     run = Run("log", Path("log.mcap"), None, True, False, Use.TRAIN, lambda: reading)
     measured = admit(run, reading, ["valve_command"], model.plant.outputs, roles=roles)
     assert first_state(measured, model)["piston_position"] == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(("first", "begins"), [(0.0, True), (2.0, False)])
+def test_a_log_that_begins_with_a_valves_step_is_cut_where_the_spool_is_known(
+    first: float, begins: bool
+) -> None:
+    model = Model("valve_cylinder")
+    time = np.arange(-0.2, 2.0, 1e-3)
+    command = np.where(time < 0.0, 0.0, first) + 2.0 * np.sin(8.0 * np.maximum(time, 0.0))
+    out = model.plant.simulate(model.vector(), Drive(time, {"valve_command": command}), 1e-4)
+    noise = {"pressure_a": 1e4, "pressure_b": 1e4, "piston_position": 1e-5}
+    rng = np.random.default_rng(3)
+    data = {
+        name: out[200:, model.plant.outputs.index(name)] + size * rng.standard_normal(2000)
+        for name, size in noise.items()
+    }
+    reading = Recording(time[200:] - time[200], {"valve_command": command[200:], **data})
+    run = Run("log", Path("log.mcap"), None, False, False, Use.TRAIN, lambda: reading)
+    roles = model.plant.roles
+    measured = admit(run, reading, ["valve_command"], model.plant.outputs, roles=roles)
+    windows = cut_windows(measured, noise)
+    assert (windows[0].first == 0) is begins
+    assert windows[0].first < 400

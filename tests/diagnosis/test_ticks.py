@@ -120,3 +120,29 @@ def test_the_nearest_tick() -> None:
     ticks = np.array([0.0, 1.0, 2.0])
     found = nearest(ticks, np.array([-5.0, 0.4, 0.6, 1.49, 1.51, 9.0]))
     assert found.tolist() == [0, 0, 1, 1, 2, 2]
+
+
+def _table(rows: np.ndarray, period: float = 2e-3) -> Recording:
+    time = period * np.arange(rows.size)
+    values = {"current_command": np.sin(9.0 * time), "motor_speed": _speed(time)}
+    return Recording(time[rows], {name: column[rows] for name, column in values.items()})
+
+
+def test_rows_that_a_table_has_lost_are_ticks_without_readings() -> None:
+    rows = np.random.default_rng(1).random(1000) > 0.02
+    rows[[0, -1]] = True
+    found = on_ticks([_table(rows)], ["current_command"], ["motor_speed"])
+    assert found.recording.time == pytest.approx(2e-3 * np.arange(1000), abs=1e-12)
+    assert (found.logged == rows).all()
+    for column in found.recording.values.values():
+        assert (np.isfinite(column) == rows).all()
+    assert not found.is_of_several
+
+
+def test_a_table_that_is_paused_or_irregular_stays_as_it_is() -> None:
+    paused = np.ones(1000, dtype=bool)
+    paused[400:500] = False
+    on_change = np.random.default_rng(1).random(1000) > 0.7
+    for rows in (paused, on_change):
+        alone = _table(rows)
+        assert on_ticks([alone], ["current_command"], ["motor_speed"]).recording is alone

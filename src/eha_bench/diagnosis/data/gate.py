@@ -403,7 +403,7 @@ def admit(
             )
             good &= ~still
         if not good.all():
-            gaps = readings_of(raw).missing
+            gaps = readings_of(raw if sampled.logged is None else raw[sampled.logged]).missing
             if gaps and not apart:
                 notes.append(
                     Note(

@@ -46,6 +46,7 @@ class Sampled:
         late: channel -> name of the clock that may be stamped late by always the same.
         lost: channel -> (n,) ticks at which a message of an input was lost.
         is_of_several: whether channels tick on different clocks.
+        logged: (n,) ticks with a row in the log; None where all have one, or topics are several.
     """
 
     recording: Recording
@@ -53,6 +54,7 @@ class Sampled:
     late: Mapping[str, str] = field(default_factory=dict)
     lost: Mapping[str, BoolArray] = field(default_factory=dict)
     is_of_several: bool = False
+    logged: BoolArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +80,14 @@ class _Topic:
 def on_ticks(
     topics: Sequence[Recording], inputs: Collection[str], outputs: Collection[str]
 ) -> Sampled:
-    """Return topics of one log on common ticks; a single one is as it was.
+    """Return topics of one log on common ticks; a single one with ticks for rows that were lost.
 
     Args:
         topics: recordings whose time has a common zero.
         inputs: channels that drive a model. outputs: channels that are compared with it.
     """
     if len(topics) == 1:
-        return Sampled(topics[0])
+        return _with_lost_rows(topics[0])
     wanted = {*inputs, *outputs}
     used = [_topic(item, wanted) for item in topics if wanted & {*item.values}]
     if not used:
@@ -145,6 +147,19 @@ def on_ticks(
         {name: mask[kept] for name, mask in lost.items()},
         is_of_several=True,
     )
+
+
+def _with_lost_rows(table: Recording) -> Sampled:
+    """Return a table with ticks at which its rows were lost: what was commanded there acted."""
+    time = np.array(table.time)
+    ticks = _with_lost_ticks(time)
+    if ticks.size == time.size:
+        return Sampled(table)
+    there = np.isin(ticks, time)
+    values = {name: np.full(ticks.size, np.nan) for name in table.values}
+    for name, column in values.items():
+        column[there] = table.values[name]
+    return Sampled(replace(table, time=ticks, values=values), logged=there)
 
 
 def nearest(ticks: FloatArray, time: FloatArray) -> IndexArray:

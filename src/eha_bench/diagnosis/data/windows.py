@@ -36,6 +36,8 @@ _HALF_FIT = 8
 """Most ticks on either side of one from which its state is taken."""
 _RESTED = 5
 """Fewest samples of a speed, all within the noise of nothing, from which a run begins at rest."""
+_STEP = 0.1
+"""Share of what a valve's command goes through from which it is much."""
 _ENOUGH = 7
 """Samples around a tick that say how far a polynomial through them may be off."""
 _FEWEST_BESIDE = 3
@@ -94,10 +96,11 @@ def cut_windows(
 def _first_start(measured: Measured, noise: Mapping[str, float], allowed: BoolArray) -> int:
     """Return the tick at which a run's first window starts: where what nobody logs is known.
 
-    A run that begins at rest starts at its first sample. In the midst of a motion, what a valve's
-    spool and a drive were asked for before it is not in the log.
+    A run that begins at rest starts at its first sample. In the midst of a motion, or where a log
+    begins with a valve's step, what its spool and a drive were asked for before is not in the log.
     """
-    if not (_begins_in_motion(measured, noise) or _turns_at_first(measured, noise)):
+    moves = _begins_in_motion(measured, noise) or _turns_at_first(measured, noise)
+    if not (moves or _begins_with_a_step(measured)):
         return 0
     within = np.flatnonzero(allowed[: np.searchsorted(measured.time, FREE_WINDOW)])
     return int(within[0]) if within.size else 0
@@ -366,6 +369,12 @@ def _begins_in_motion(measured: Measured, noise: Mapping[str, float]) -> bool:
     """
     slopes = (_slope(measured, 0, noise, name) for name, _ in _unread_rates(measured))
     return any(abs(value) > spread for value, spread in filter(None, slopes))
+
+
+def _begins_with_a_step(measured: Measured) -> bool:
+    """Whether a valve is asked for much at a run's first sample."""
+    commands = [measured.inputs[n] for n in measured.roles.remembered if n in measured.inputs]
+    return any(abs(own[0]) > _STEP * float(np.ptp(own)) for own in commands)
 
 
 def _turns_at_first(measured: Measured, noise: Mapping[str, float]) -> bool:

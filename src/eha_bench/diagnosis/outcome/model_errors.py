@@ -132,7 +132,9 @@ def scores_of(
         seen = angles_of(base.problem) if starts else {}
         # where training runs begin alike, one that clearly does not is another one: as `predict`
         angles = estimated_angles if starts else own_angles
-        for item in (*base.measured, *held_out):
+        # under another load a run's angle does not show
+        loaded = [item.knowing(first_part(item, models[-1], noise).values) for item in held_out]
+        for item in (*base.measured, *loaded):
             alone = None if item.run.name in seen else _windows_of(dataset, [item], noise)
             if alone is not None:
                 starts |= angles(alone, vectors[-1])

@@ -277,7 +277,7 @@ def _prediction_of(
     derived = plant.derived(model.vector(), columns)
     columns |= {n: v for n, v in derived.items() if n in recording and n not in measured.inputs}
     errors = _errors(columns, measured, sampled.recording)
-    if sampled.is_of_several:
+    if sampled.is_of_several or sampled.logged is not None:
         columns = _at_stamps(columns, sampled.recording, recording)
     notes = measured.notes + start.notes
     if _anchors(measured, model, start.state, STEP) and measured.turning:

@@ -469,7 +469,8 @@ def _valve(system: System) -> Iterator[Spot]:
             "laminar_pressure": str(system.parameter(part.name, "laminar_pressure")),
             "t": "S[1]",
         }
-        yield Spot(part.name, Equation.FLOW, hooks, names)
+        slots = {"null_bias": system.slot_of[f"{part.name}.null_bias"]}
+        yield Spot(part.name, Equation.FLOW, hooks, names, parameters=slots)
 
 
 def _volume(system: System) -> Iterator[Spot]:
