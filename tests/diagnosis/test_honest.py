@@ -117,17 +117,25 @@ NOTHING_REACHED = SimpleNamespace(
 
 
 @pytest.mark.parametrize(
-    ("velocity", "coulomb", "says"),
+    ("velocity", "coulomb", "share", "says"),
     [
-        (0.03, 30.0, ""),
+        (0.03, 30.0, 0.9, ""),
+        (0.03, 30.0, 0.55, ""),
+        # a drag, or a friction that is larger one way, is a fall in part
+        (0.03, 30.0, 0.35, "it explains only 35 % of what is missing: another law than the one"),
         # still falling at the fastest speed that was measured
-        (0.06, 30.0, "its stribeck_velocity is at the bound that the recordings set, 0.06 m/s"),
+        (
+            0.06,
+            30.0,
+            0.9,
+            "its stribeck_velocity is at the bound that the recordings set, 0.06 m/s",
+        ),
         # within 10 % is a standard deviation of 1.73 N
-        (0.03, 36.0, ""),
-        (0.03, 20.0, "seals.coulomb would be 20 N, which is far from what is believed of it, 30 N"),
+        (0.03, 36.0, 0.9, ""),
+        (0.03, 20.0, 0.9, "seals.coulomb would be 20 N, which is far from what is believed of it"),
     ],
 )
-def test_a_friction_that_falls_over_a_declared_level(tmp_path, velocity, coulomb, says):
+def test_a_friction_that_falls_over_a_declared_level(tmp_path, velocity, coulomb, share, says):
     """A wide fall over a level that the fit takes away is a drag."""
     from eha_bench.diagnosis.fit.beliefs import beliefs_of
     from eha_bench.diagnosis.fit.own_parameters import Places
@@ -140,7 +148,9 @@ def test_a_friction_that_falls_over_a_declared_level(tmp_path, velocity, coulomb
     vector[size], vector[shape], vector[layout.index["seals.coulomb"]] = 20.0, velocity, coulomb
     reached = ReachedBounds(keys[1], (), {(): (-float("inf"), 0.06)})
     item = Accepted(
-        Start("stribeck_friction", (), size, 0.0, 20.0, 0.0, 1e6, keys, "force"), GOOD, ()
+        Start("stribeck_friction", (), size, 0.0, 20.0, 0.0, 1e6, keys, "force"),
+        replace(GOOD, share_out=share),
+        (),
     )
     search = SimpleNamespace(
         thresholds=DEFAULT,

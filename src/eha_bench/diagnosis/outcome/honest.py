@@ -29,6 +29,8 @@ from eha_bench.diagnosis.search.backward import (
 )
 from eha_bench.diagnosis.search.state import Accepted, Search
 
+_MOST = 0.5
+"""Share of what is missing that an effect has to explain which bends a law that is declared."""
 _FAR = 3.0 * sqrt(3.0)
 """Standard deviations of a belief from which a value contradicts it: three times `within`."""
 _NOT_DISTINCT = (
@@ -124,7 +126,28 @@ def _may_be_nothing(search: Search, item: Accepted, found: Diagnosis) -> bool:
 
 def _beyond(search: Search, item: Accepted, vector: FloatArray) -> str:
     """Say that an effect is at a bound, or what it changes beyond what is believed, or nothing."""
-    return _at_bound(search, item, vector) or _beyond_belief(search, item, vector)
+    return (
+        _at_bound(search, item, vector)
+        or _beyond_belief(search, item, vector)
+        or _part_of_a_law(search, item, vector)
+    )
+
+
+def _part_of_a_law(search: Search, item: Accepted, vector: FloatArray) -> str:
+    """Say that what bends a declared law leaves most of what is missing, or nothing.
+
+    A friction that falls at low speed is also what a drag, or one friction in each direction, looks
+    like in part; where it is what is missing it leaves little.
+    """
+    layout = search.problem.plant.layout
+    effect = layout.effect(item.start.candidate)
+    share = min(item.comparison.share, item.comparison.share_out)
+    if effect.needed(layout.choice_values(effect, vector)) is None or share >= _MOST:
+        return ""
+    return (
+        f"it explains only {per_cent(max(share, 0.0))} of what is missing: "
+        "another law than the one it bends would do as well"
+    )
 
 
 def _beyond_belief(search: Search, item: Accepted, vector: FloatArray) -> str:
