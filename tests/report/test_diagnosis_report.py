@@ -256,3 +256,14 @@ def test_no_serious_finding(tab: Page, unknown_page: Path, width: int, scheme: s
     tab.run("document.querySelector('.with-charts').scrollIntoView()")
     tab.wait("document.querySelector('.canvas[data-drawn]')")
     assert serious(tab) == []
+
+
+def test_a_frequency_is_no_speed() -> None:
+    from eha_bench.diagnosis.fit.uncertainty import Estimate
+    from eha_bench.report.diagnosis_text import parameter_row
+
+    own = parameter_row("valve.natural_frequency", Estimate(508.2, 500.0, 516.0, "rad/s"), 440.0)
+    assert own.value == "508.2\N{NO-BREAK SPACE}rad/s"
+    assert own.declared == "440.0\N{NO-BREAK SPACE}rad/s"
+    speed = parameter_row("seals.stribeck_velocity", Estimate(1.0, 0.9, 1.1, "rad/s"))
+    assert speed.value.endswith("rpm")

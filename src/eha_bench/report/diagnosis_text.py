@@ -198,18 +198,20 @@ def parameter_row(
     name: str, item: Estimate, declared: float = math.nan, why: str = ""
 ) -> ParameterRow:
     """Return a parameter as text; `why` no interval of its fit is given, "" where they are."""
+    # a frequency is no speed, whatever their common unit
+    written = item.unit if name.endswith("frequency") else ""
     spread = (item.high - item.low) / 2.0
     known = math.isfinite(item.low) and math.isfinite(item.high)
     interval = why or "not determined by these data"
     if known and spread > 0.0:
-        unit = display_unit(item.unit, (item.value,))
+        unit = display_unit(item.unit, (item.value,), written=written)
         digits = decimals_for(unit.from_si(item.value), unit.difference(spread))
         low, high = (number(unit.from_si(end), digits) for end in (item.low, item.high))
         interval = f"{low} … {high}"
     elif known:
         interval = "exact"
-    value = quantity(item.value, item.unit, spread=spread if known else math.nan)
-    given = quantity(declared, item.unit) if math.isfinite(declared) else ""
+    value = quantity(item.value, item.unit, spread=spread if known else math.nan, written=written)
+    given = quantity(declared, item.unit, written=written) if math.isfinite(declared) else ""
     return ParameterRow(name, value, interval, given)
 
 
