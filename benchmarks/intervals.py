@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.evidence import groups_of
 from eha_bench.diagnosis.fit.finish import converged_fit

@@ -19,7 +19,8 @@ from benchmarks.league.question import FloatArray, Question
 from benchmarks.league.simulation import predicted
 
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.data.gate import admit, pooled_noise
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.measured import pooled_noise
 from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.candidates import Start, all_starts

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.outcome.confounded import confounding_notes
 from eha_bench.plants.channel_roles import KNOWN
 from eha_bench.plants.registry import get_plant

@@ -14,7 +14,8 @@ from eha_bench.core.errors import InputError, MissingChannelError
 from eha_bench.core.note import Note, of_run
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import admit, notes_of_runs, pooled_noise
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.measured import notes_of_runs, pooled_noise
 from eha_bench.diagnosis.data.noise import noise_of, quantum_of
 from eha_bench.diagnosis.data.windows import window_at
 

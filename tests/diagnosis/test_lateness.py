@@ -10,7 +10,8 @@ import pytest
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import Measured, admit
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt

@@ -13,9 +13,11 @@ from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.lost_inputs import LostValues, guess_lost
+from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
-from eha_bench.diagnosis.fit.lost_inputs import at_their_best, lost_input_noise
+from eha_bench.diagnosis.fit.lost_inputs import at_their_best, lost_input_noise, with_held
 from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.replay.replay import replay
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
 
@@ -150,3 +152,45 @@ def test_lost_values_are_found_where_readings_tell_and_stay_where_they_do_not() 
     near = LostValues(unsure.ticks, unsure.stops, np.full(3, 0.1))
     found = at_their_best(drive, {"current_command": near}, TIME, residual)
     assert np.abs(found.inputs["current_command"]).max() == pytest.approx(0.3)
+
+
+def test_a_row_that_was_lost_may_have_asked_for_nothing() -> None:
+    """Of a smooth command the guess is sure; whether it was ever sent nobody knows."""
+    values = 10.0 * np.sin(2 * np.pi * 10.0 * TIME)
+    lost = _without(values, [*range(10, 1990, 37)])
+    _, sent = guess_lost(TIME, *lost)
+    assert sent.held is None
+    found, unsure = guess_lost(TIME, *lost, may_be_held=True)
+    assert unsure.held is not None
+    assert unsure.held == pytest.approx(values[unsure.ticks - 1])
+    assert (np.abs(found[unsure.ticks] - unsure.held) <= unsure.spread).all()
+    assert unsure.spread.max() > 10.0 * sent.spread.max()
+    drive = Drive(TIME, {"current_command": found})
+    assert with_held(drive, {"current_command": sent}) is None
+    held = with_held(drive, {"current_command": unsure})
+    assert held is not None
+    there = held.inputs["current_command"]
+    assert there[unsure.ticks] == pytest.approx(unsure.held)
+    others = np.delete(np.arange(TIME.size), unsure.ticks)
+    assert (there[others] == found[others]).all()
+
+
+@pytest.mark.parametrize("sent", [True, False])
+def test_a_replay_takes_lost_rows_as_they_fit(sent: bool) -> None:
+    """A logger that misses a row, or a bus that fails and leaves the last command on."""
+    model = load_model(shipped_file("models/physical.yaml"))
+    rng = np.random.default_rng(5)
+    time = np.arange(1200) * 1e-3
+    rows = rng.random(1200) > 0.05
+    rows[[0, -1]] = True
+    rows[1:] |= ~rows[:-1]
+    asked = 6.0 * np.sin(2 * np.pi * 12.0 * time)
+    acted = asked if sent else np.where(rows, asked, np.roll(asked, 1))
+    out = model.plant.simulate(model.vector(), Drive(time, {"current_command": acted}, {}), 2e-4)
+    speed = out[:, model.plant.outputs.index("motor_speed")] + 0.02 * rng.standard_normal(1200)
+    table = Recording(time[rows], {"current_command": asked[rows], "motor_speed": speed[rows]})
+    run = Run("log", Path("log.mcap"), None, False, False, Use.TRAIN, lambda: table)
+    sampled = on_ticks([table], ["current_command"], ["motor_speed"])
+    measured = admit(run, sampled, ["current_command"], model.plant.outputs)
+    (found,) = replay([measured], [model], {"motor_speed": 0.02})
+    assert np.nanstd(found.errors("motor_speed")[0]) < 1.15 * 0.02

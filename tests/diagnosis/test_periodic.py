@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.candidates import effect_starts
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt

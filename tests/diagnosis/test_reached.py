@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from slide_plant import slide
 
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.fit.least_squares import free_parameters
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.reached import reached_bounds

@@ -9,7 +9,7 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.baseline import gather
 from eha_bench.diagnosis.replay.replay import replay

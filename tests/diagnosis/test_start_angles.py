@@ -12,7 +12,8 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
-from eha_bench.diagnosis.data.gate import Measured, admit
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.baseline import Baseline

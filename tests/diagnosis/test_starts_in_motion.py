@@ -11,7 +11,8 @@ import pytest
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use, load_dataset
-from eha_bench.diagnosis.data.gate import Measured, admit
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.unmeasured import missing
 from eha_bench.diagnosis.data.windows import cut_windows

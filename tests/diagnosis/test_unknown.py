@@ -15,7 +15,7 @@ import pytest
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.baseline import COARSE, no_progress
 from eha_bench.diagnosis.fit.evidence import Excess, Groups

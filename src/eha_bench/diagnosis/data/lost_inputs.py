@@ -33,20 +33,23 @@ class LostValues:
     Attributes:
         ticks: (k,) where they act from. stops: (k,) where the next message acts.
         spread: (k,) how far the value there may be off, SI.
+        held: (k,) what was asked for before, where that may have acted on; None where it may not.
     """
 
     ticks: IndexArray
     stops: IndexArray
     spread: FloatArray
+    held: FloatArray | None = None
 
 
 def guess_lost(
-    time: FloatArray, values: FloatArray, lost: BoolArray
+    time: FloatArray, values: FloatArray, lost: BoolArray, *, may_be_held: bool = False
 ) -> tuple[FloatArray, LostValues]:
     """Return an input with guesses where its messages were lost, and how far they may be off.
 
     Args:
         time: (n,) s. values: (n,), NaN wherever there is no message. lost: (n,) lost messages.
+        may_be_held: whether the message before may have acted on.
     """
     out = values.copy()
     there = np.flatnonzero(np.isfinite(values))
@@ -76,10 +79,13 @@ def guess_lost(
         if spread[k] > _JUMPS * beside:
             # it jumps here, and was what it is on either side
             spread[k] = max(spread[k], beside)
+        if may_be_held:
+            spread[k] = max(spread[k], abs(float(out[tick] - y[after - 1])))
     acting = np.append(np.flatnonzero(lost | np.isfinite(values)), values.size)
     stops = acting[np.searchsorted(acting, at) + 1]
     moves = spread > 0.0
-    return out, LostValues(at[moves], stops[moves], spread[moves])
+    held = y[place - 1][moves] if may_be_held else None
+    return out, LostValues(at[moves], stops[moves], spread[moves], held)
 
 
 def _few_in_a_row(lost: BoolArray, there: BoolArray) -> IndexArray:

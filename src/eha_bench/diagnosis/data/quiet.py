@@ -18,7 +18,8 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour, beside_parabola, colour_of
-from eha_bench.diagnosis.data.gate import GAP, SAME, Measured
+from eha_bench.diagnosis.data.gate import SAME
+from eha_bench.diagnosis.data.measured import GAP, Measured
 from eha_bench.diagnosis.data.noise import THIRD, noise_of_input, noise_of_step, quantum_of
 
 _STRETCH = 0.128

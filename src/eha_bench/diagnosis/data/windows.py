@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from eha_bench.core.arrays import BoolArray, FloatArray
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 
 FREE_WINDOW = 0.4
 """Length of a window of a free run, s."""

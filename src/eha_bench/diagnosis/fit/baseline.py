@@ -13,13 +13,8 @@ from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset
-from eha_bench.diagnosis.data.gate import (
-    Measured,
-    admit,
-    notes_of_runs,
-    pooled_noise,
-    restful_channels,
-)
+from eha_bench.diagnosis.data.gate import admit, restful_channels
+from eha_bench.diagnosis.data.measured import Measured, notes_of_runs, pooled_noise
 from eha_bench.diagnosis.data.quiet import quiet_stretches, with_colours, with_noise_colour
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.ticks import on_ticks

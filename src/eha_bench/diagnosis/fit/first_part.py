@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from eha_bench.core.note import Note
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import Window, cut_windows
 from eha_bench.diagnosis.fit.evidence import groups_of
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray, IndexArray
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.plants.plant import Drive
 
 

@@ -78,6 +78,22 @@ def at_their_best(
     return _with(drive, pulses, np.clip(found, -_FURTHEST, _FURTHEST))
 
 
+def with_held(drive: Drive, unsure: Mapping[str, LostValues]) -> Drive | None:
+    """Return a whole run's drive with what was asked for before acting on; None where it cannot.
+
+    Where a row of a table is lost, so may be what it would have asked for (a bus that failed).
+    """
+    inputs = {name: values.copy() for name, values in drive.inputs.items()}
+    found = False
+    for name, own in unsure.items():
+        if own.held is None:
+            continue
+        found = found or own.ticks.size > 0
+        for tick, stop, value in zip(own.ticks, own.stops, own.held.tolist(), strict=True):
+            inputs[name][int(tick) : int(stop)] = value
+    return replace(drive, inputs=inputs) if found else None
+
+
 def _responses(
     drive: Drive,
     unsure: Mapping[str, LostValues],

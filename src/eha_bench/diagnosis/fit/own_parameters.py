@@ -19,7 +19,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.dataset import Run
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.fit.reached import NO_BOUNDS, ReachedBounds, reached_bounds
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter

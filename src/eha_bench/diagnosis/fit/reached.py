@@ -19,7 +19,7 @@ from itertools import product
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.noise import quantum_of, sharp_noise_of
 from eha_bench.plants.effect import AT, BoundEffect, Spot
 from eha_bench.plants.layout import Layout

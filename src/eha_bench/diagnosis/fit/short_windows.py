@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray, IndexArray
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import Window, window_at
 from eha_bench.diagnosis.fit.problem import Problem, soften
 

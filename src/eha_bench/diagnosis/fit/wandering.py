@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.quiet import with_colours
 from eha_bench.diagnosis.data.wander import NoiseStretch, Wander, wander_of
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.diagnosis.data.colour import Colour
-from eha_bench.diagnosis.data.gate import GAP
+from eha_bench.diagnosis.data.measured import GAP
 
 
 def whitening(

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.plants.effect import BoundEffect
 
 _FEWEST = 3

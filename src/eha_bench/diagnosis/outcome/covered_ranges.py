@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.posterior.covered import Covered, CoveredSetup, setup_of
 

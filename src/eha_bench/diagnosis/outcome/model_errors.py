@@ -14,7 +14,8 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset, Use
-from eha_bench.diagnosis.data.gate import Measured, admit, restful_channels
+from eha_bench.diagnosis.data.gate import admit, restful_channels
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.quiet import coloured_like
 from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.plants.model import Model
 from eha_bench.plants.plant import Plant

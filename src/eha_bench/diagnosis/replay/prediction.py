@@ -18,7 +18,8 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.output_folder import writable
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.data.gate import Measured, admit, pooled_noise
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.measured import Measured, pooled_noise
 from eha_bench.diagnosis.data.ticks import Sampled, nearest, on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.first_part import first_part

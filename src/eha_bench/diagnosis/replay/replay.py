@@ -23,9 +23,9 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.interruption import result_at_checkpoints
 from eha_bench.core.processors import usable_processors
 from eha_bench.diagnosis.data.dataset import Use
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.fit.effort import note_simulated_time
-from eha_bench.diagnosis.fit.lost_inputs import at_their_best
+from eha_bench.diagnosis.fit.lost_inputs import at_their_best, with_held
 from eha_bench.diagnosis.fit.own_parameters import OwnValues
 from eha_bench.diagnosis.replay.first_sample import first_sample, first_state
 from eha_bench.diagnosis.replay.prediction import STEP, simulate_from
@@ -237,6 +237,11 @@ def _with_lost_inputs(
         return left if np.isfinite(left).all() else np.zeros(left.size)
 
     drive = measured.drive(0, measured.time.size)
+    held = with_held(drive, measured.unsure)
+    if held is not None and float(np.sum(residual(held) ** 2)) < float(
+        np.sum(residual(drive) ** 2)
+    ):
+        drive = held
     return replace(measured, inputs=at_their_best(drive, measured.unsure, times, residual).inputs)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.plants.effect import AT, Equation
 from eha_bench.plants.plant import Plant
