@@ -31,7 +31,7 @@ def layout():
 def read(**attributes):
     """Return what a run's pressures are asked for."""
     run = SimpleNamespace(**attributes)
-    run.column = partial(Measured.column, run)
+    run.column, run.read = partial(Measured.column, run), partial(Measured.read, run)
     return run
 
 

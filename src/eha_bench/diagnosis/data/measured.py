@@ -15,10 +15,7 @@ from eha_bench.core.turns import remembered_turns
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.lost_inputs import LostValues
-from eha_bench.diagnosis.data.noise import (
-    noise_of,
-    quantum_of,
-)
+from eha_bench.diagnosis.data.noise import noise_of, quantum_of
 from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.wander import Wander
 from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
@@ -27,6 +24,10 @@ from eha_bench.plants.plant import Drive
 
 GAP = 1.5
 """A step of the clock by more than this many usual ones leaves samples out."""
+_AT_ONCE = 1e-9
+"""Time between two turns that are remembered, s: too short for anything to follow."""
+_UNREAD = 0.1
+"""Longest time between two readings of a speed over which its angle is known, s."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,6 @@ class FirstReading:
     value: float
     tick: int
     frozen: bool
-
-
-_AT_ONCE = 1e-9
-"""Time between two turns that are remembered, s: too short for anything to follow."""
-
-
-_UNREAD = 0.1
-"""Longest time between two readings of a speed over which its angle is known, s."""
 
 
 class Turning(NamedTuple):
@@ -179,25 +172,23 @@ class Measured:
     @cached_property
     def turning(self) -> Turning | None:
         """What turns and is read only as a speed; None where there is nothing of the kind."""
-        told = {shown for name, (shown, _) in self.roles.geared.items() if self._reads(name)}
+        told = {shown for name, (shown, _) in self.roles.geared.items()
+                if self.read(name) is not None}  # fmt: skip
         geared = [(name, *item) for name, item in self.roles.geared.items()]
         for speed, angle in self.roles.turning.items():
             if angle in told:
                 continue
             for name, shown, ratio in [(speed, speed, 1.0), *geared]:
-                if shown == speed and self._reads(name):
+                if shown == speed and self.read(name) is not None:
                     return Turning(name, angle, ratio)
         return None
-
-    def _reads(self, channel: str) -> bool:
-        return channel in self.inputs or self.column(channel) is not None
 
     @cached_property
     def shaft_angle(self) -> FloatArray | None:
         """The shaft's angle from its start by the integrated measured speed, (n,) rad, or None."""
         if self.turning is None:
             return None
-        speed = self.inputs.get(self.turning.channel, self.column(self.turning.channel))
+        speed = self.read(self.turning.channel)
         assert speed is not None
         good = np.isfinite(speed)
         filled = np.interp(self.time, self.time[good], speed[good]) / self.turning.ratio
@@ -209,7 +200,7 @@ class Measured:
         """The same, NaN from where its speed was not read for long."""
         if self.turning is None or self.shaft_angle is None:
             return None
-        speed = self.inputs.get(self.turning.channel, self.column(self.turning.channel))
+        speed = self.read(self.turning.channel)
         assert speed is not None
         read = np.append(self.time[np.isfinite(speed)], np.inf)
         ends = np.flatnonzero(np.diff(read) > max(_UNREAD, 3.0 * float(np.median(np.diff(read)))))
@@ -262,6 +253,10 @@ class Measured:
         if not self.valid[:, at].any():
             return None
         return np.where(self.valid[:, at], self.values[:, at], np.nan)
+
+    def read(self, channel: str) -> FloatArray | None:
+        """Return an input, or a valid channel as `column` does, or None."""
+        return self.inputs[channel] if channel in self.inputs else self.column(channel)
 
 
 def notes_of_runs(measured: Sequence[Measured]) -> tuple[str, ...]:

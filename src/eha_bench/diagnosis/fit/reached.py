@@ -96,7 +96,7 @@ def _least(layout: Layout, effect: BoundEffect, pressures: FloatArray) -> Reache
 
 def _pair(run: Measured) -> FloatArray:
     """Return both pressures where both were read, (k, 2) Pa; none where they were not."""
-    read = [_read(run, name) for name in run.roles.pair]
+    read = [run.read(name) for name in run.roles.pair]
     known = [values for values in read if values is not None]
     if len(known) != 2:
         return np.zeros((0, 2))
@@ -133,8 +133,8 @@ def _fastest(spots: Sequence[Spot], runs: Sequence[Measured]) -> float:
 def _speed(run: Measured, spot: Spot) -> FloatArray:
     """Return the speeds at a place that a run shows, (k,); none where it shows none."""
     position, speed = spot.motion
-    read = _read(run, speed)
-    if read is None and (way := _read(run, position)) is not None:
+    read = run.read(speed)
+    if read is None and (way := run.read(position)) is not None:
         read = _clear_slopes(run.time, way)
     return np.zeros(0) if read is None else np.asarray(read[np.isfinite(read)])
 
@@ -165,7 +165,3 @@ def _slopes(time: FloatArray, way: FloatArray, stretch: float) -> FloatArray:
     lasts = time[second] - time[first]
     near = lasts < 2.0 * stretch
     return np.asarray((way[second] - way[first])[near] / lasts[near])
-
-
-def _read(run: Measured, name: str) -> FloatArray | None:
-    return run.inputs[name] if name in run.inputs else run.column(name)

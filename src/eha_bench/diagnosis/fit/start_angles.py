@@ -66,6 +66,14 @@ def periodic_effects(layout: Layout, vector: FloatArray) -> list[BoundEffect]:
     ]
 
 
+def without_periodic(layout: Layout, vector: FloatArray) -> FloatArray:
+    """Return a vector with nothing on that is periodic in an angle."""
+    off = vector.copy()
+    for effect in periodic_effects(layout, vector):
+        off[layout.index[f"{effect.id}.{effect.strength.name}"]] = effect.neutral
+    return off
+
+
 def begin_apart(
     common: float, apart: float, more: int, *, level: float = 1.0, tries: int = 1
 ) -> bool:
@@ -147,10 +155,7 @@ def own_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     if short is None:
         return {}
     starts, common, apart = _scan_angles(short, vector)
-    off = vector.copy()
-    for effect in filter(is_periodic, layout.effects):
-        off[layout.index[f"{effect.id}.{effect.strength.name}"]] = effect.neutral
-    nothing = cost_of(short, off)
+    nothing = cost_of(short, without_periodic(layout, vector))
     level = max(1.0, apart / (SOFT_MEAN * short.size))
     more = len(rows_of_runs(short))
     if not begin_apart(nothing - common, nothing - apart, more, level=level):

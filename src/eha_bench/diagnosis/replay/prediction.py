@@ -29,6 +29,7 @@ from eha_bench.diagnosis.fit.start_angles import (
     counts_on,
     own_angles,
     periodic_effects,
+    without_periodic,
 )
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.replay.first_sample import first_sample
@@ -143,17 +144,17 @@ def _anchors(
     Only where nothing else in the plant depends on that angle: a spring that is held where a sensor
     has drifted to would pull at everything.
     """
-    turning, layout, vector = measured.turning, model.plant.layout, model.vector()
-    angle = measured.known_shaft_angle
-    if turning is None or angle is None or turning.channel in measured.inputs:
-        return {}
-    periodic = periodic_effects(layout, vector)
+    layout, vector = model.plant.layout, model.vector()
     unread = any(
         not spot.angle
-        for effect in periodic
+        for effect in periodic_effects(layout, vector)
         for spot in effect.spots_at(layout.choice_values(effect, vector))
     )
-    if not unread or _acts_elsewhere(measured, model, state, step):
+    turning = measured.turning if unread else None
+    if turning is None or turning.channel in measured.inputs:
+        return {}
+    angle = measured.known_shaft_angle
+    if angle is None or _acts_elsewhere(measured, model, state, step):
         return {}
     return {turning.angle: angle}
 
@@ -163,10 +164,7 @@ def _acts_elsewhere(
 ) -> bool:
     """Whether anything but what is periodic depends on the angle that nothing reads."""
     assert measured.turning is not None
-    layout, vector = model.plant.layout, model.vector().copy()
-    for effect in periodic_effects(layout, vector):
-        vector[layout.index[f"{effect.id}.{effect.strength.name}"]] = effect.neutral
-    at = model.plant.at(vector)
+    at = model.plant.at(without_periodic(model.plant.layout, model.vector()))
     drive = measured.drive(0, min(_FEW, measured.time.size))
     start = {measured.turning.angle: 0.0, **start_of(at, drive, state)}
     plain = at.simulate(drive, start, step)

@@ -236,11 +236,13 @@ def _with_lost_inputs(
         left = _weighted_difference(own, values, weights)
         return left if np.isfinite(left).all() else np.zeros(left.size)
 
+    def cost(drive: Drive) -> float:
+        left = residual(drive)
+        return float(left @ left)
+
     drive = measured.drive(0, measured.time.size)
     held = with_held(drive, measured.unsure)
-    if held is not None and float(np.sum(residual(held) ** 2)) < float(
-        np.sum(residual(drive) ** 2)
-    ):
+    if held is not None and cost(held) < cost(drive):
         drive = held
     return replace(measured, inputs=at_their_best(drive, measured.unsure, times, residual).inputs)
 
