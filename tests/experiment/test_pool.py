@@ -69,3 +69,18 @@ def test_a_log_that_cannot_be_read_costs_only_itself(pool: Path, tmp_path: Path)
 def test_nothing_to_rank_is_refused(pool: Path):
     with pytest.raises(InputError, match="no recording"):
         rank(pool, [])
+
+
+def test_after_an_unexplained_remainder_the_one_that_is_predicted_worst_comes_first(
+    pool: Path, tmp_path: Path
+):
+    rivals = [rival(*DELAY), rival(*LAG)]
+    unexplained = {"motor_speed": 0.5}
+    write_question(tmp_path, rivals, noise={"motor_speed": 0.1}, unexplained=unexplained)
+    first, last = rank(tmp_path, [pool / "still.csv", pool / "fast.csv"],
+                       channels=pool / "channels.yaml")  # fmt: skip
+    # the recorded speed is noise alone; only the fast current is predicted to move the shaft
+    assert (first.name, last.name) == ("fast", "still")
+    assert last.error == pytest.approx(0.1 / np.hypot(0.1, 0.5), rel=0.1)
+    assert first.error > 10.0
+    assert np.isnan(first.right)

@@ -118,7 +118,9 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
             typer.echo(f"-   {item.name}: not ranked, {item.why}")
             continue
         outlook = f"{item.reached:.2g} of what is needed"
-        if isfinite(item.right):
+        if isfinite(item.error):
+            outlook = f"the model errs {item.error:.2g} times as much as in what was fitted"
+        elif isfinite(item.right):
             outlook = (
                 f"names the right one in {per_cent(item.right)}, "
                 f"a wrong one in {per_cent(item.wrong, 1)}"

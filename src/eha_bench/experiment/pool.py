@@ -1,11 +1,14 @@
-"""Ranks recordings that exist already by how surely they would decide what a diagnosis left open.
+"""Ranks recordings that exist already: which to take up next after a diagnosis.
 
-A recording's inputs and first sample are simulated by every rival, over its posterior; what it
-measured is not looked at, so the ranking says which to take up next and prejudges nothing.
+Where the diagnosis explains its recordings, by how surely one would decide what is open. Its inputs
+and first sample are simulated by every rival, over its posterior, and what it measured is not
+looked at. Where more than the noise is left unexplained, no rival is the truth, and what they
+predict of each other says little: recordings are ranked by how badly the model predicts them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.file_kind import kind_by_keys
 from eha_bench.core.finite import finite_or_none
@@ -20,9 +24,11 @@ from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.core.yaml_file import peek
 from eha_bench.diagnosis.data.dataset import Dataset, Run, load_dataset
 from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.replay.first_sample import first_state
 from eha_bench.experiment.decision import (
     BLOCK,
+    DrawRows,
     inner_products,
     layout_of,
     odds,
@@ -33,6 +39,7 @@ from eha_bench.experiment.hypothesis import Hypothesis, Question, read_question,
 from eha_bench.experiment.narrowing import worst_width
 from eha_bench.experiment.propose import no_progress
 from eha_bench.experiment.response import Bench, predicted_readings
+from eha_bench.posterior.covered import Covered
 from eha_bench.recordings import read
 from eha_bench.suites import trial_from_source
 
@@ -48,8 +55,10 @@ class RankedRecording:
         right, wrong: probability that the right rival is named with it, and that another one is;
             NaN where there is one rival.
         reached: what it gives, as a share of what a decision needs; of one rival, of what the
-            widest interval needs.
+            widest interval needs; NaN where it is ranked by its error.
         why: why it was not ranked; "" where it was.
+        error: root mean square of what the model errs by there, over what it erred by in what was
+            fitted; NaN where the diagnosis explains its recordings.
     """
 
     name: str
@@ -58,6 +67,7 @@ class RankedRecording:
     wrong: float
     reached: float
     why: str = ""
+    error: float = np.nan
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
@@ -67,6 +77,7 @@ class RankedRecording:
             "probability_right": finite_or_none(self.right),
             "probability_wrong": finite_or_none(self.wrong),
             "reached": finite_or_none(self.reached),
+            "error_over_fitted": finite_or_none(self.error),
             "why": self.why,
         }
 
@@ -93,8 +104,8 @@ def rank(
     """
     question = read_question(diagnosis)
     rivals = rivals_to_separate(question.rivals)
-    plant = rivals[0].model.plant
-    bench = Bench.of(question.covered, plant.outputs, plant.command)
+    if not question.covered.is_explained:
+        rivals = rivals[:1]
     runs = list(_runs(question, logs, channels))
     if not runs:
         raise InputError("no recording was given", hint="name logs, or a dataset.yaml")
@@ -102,11 +113,25 @@ def rank(
     for number, (run, inputs) in enumerate(runs):
         progress("recordings", number / len(runs))
         try:
-            found.append(_rank_recording(rivals, run, inputs, bench, within, seed))
+            recording = Recording.read(run, inputs, rivals, seed)
+            if question.covered.is_explained:
+                found.append(_by_decision(recording, question.covered, within, seed))
+            else:
+                found.append(_by_error(recording, question.covered))
         except EhaBenchError as error:
             found.append(RankedRecording(run.log.name, np.nan, np.nan, np.nan, -1.0, str(error)))
-    return tuple(sorted(found, key=lambda item: (
-        -np.nan_to_num(item.right, nan=-1.0), -item.reached)))  # fmt: skip
+    return tuple(sorted(found, key=_place))
+
+
+def _place(item: RankedRecording) -> tuple[float, float, float]:
+    """Return what recordings are sorted by; one that was not ranked comes last."""
+    if item.why:
+        return (1.0, 0.0, 0.0)
+    return (
+        -np.nan_to_num(item.error, nan=0.0),
+        -np.nan_to_num(item.right, nan=0.0),
+        -np.nan_to_num(item.reached, nan=0.0),
+    )
 
 
 def _runs(
@@ -146,42 +171,92 @@ def _setup(log: Path) -> dict[str, str]:
     return {"piston": Piston(piston).value, "bypass": Bypass(bypass).value}
 
 
-def _rank_recording(
-    rivals: Sequence[Hypothesis],
-    run: Run,
-    inputs: tuple[str, ...],
-    bench: Bench,
-    within: float,
-    seed: int,
+@dataclass(frozen=True)
+class Recording:
+    """A recording, and what every rival predicts of it over draws of its posterior.
+
+    Attributes:
+        measured: as read. inputs: channels that drive it. rivals: explanations.
+        layout: of the draws. outputs: of each rival, (m, n, outputs) SI.
+    """
+
+    measured: Measured
+    inputs: tuple[str, ...]
+    rivals: Sequence[Hypothesis]
+    layout: DrawRows
+    outputs: tuple[FloatArray, ...]
+
+    @staticmethod
+    def read(
+        run: Run, inputs: tuple[str, ...], rivals: Sequence[Hypothesis], seed: int
+    ) -> Recording:
+        """Read a run and simulate it by every rival.
+
+        Raises:
+            EhaBenchError: it cannot be read, or a simulation of it diverges.
+        """
+        plant = rivals[0].model.plant
+        measured = admit(run, run.read(), inputs, plant.determined(inputs), strict=False,
+                         roles=plant.roles)  # fmt: skip
+        drive = measured.drive(0, measured.time.size, first_state(measured, rivals[0].model))
+        draws = _DRAWS if len(rivals) > 1 else 0
+        layout = layout_of(rivals, draws, np.random.default_rng([seed, 4]))
+        vectors = [
+            np.stack([run.vector(plant.layout, vector) for vector in rival.at(z)])
+            for rival, z in zip(rivals, layout.points, strict=True)
+        ]
+        outputs = predicted_readings(rivals, vectors, drive)
+        if not all(np.isfinite(item).all() for item in outputs):
+            raise InputError("a rival's simulation of it diverges")
+        return Recording(measured, inputs, rivals, layout, outputs)
+
+    @property
+    def seconds(self) -> float:
+        """Its length, s."""
+        return float(self.measured.time[-1])
+
+
+def _by_error(recording: Recording, covered: Covered) -> RankedRecording:
+    """Return a recording with what the first rival errs by in it."""
+    measured, plant = recording.measured, recording.rivals[0].model.plant
+    squares = []
+    for column, name in enumerate(measured.outputs):
+        valid, usual = measured.valid[:, column], covered.error(name)
+        if name in recording.inputs or not valid.any() or not usual > 0.0:
+            continue
+        simulated = measured.at_sample_instants(
+            name, recording.outputs[0][0, :, plant.outputs.index(name)], measured.lateness
+        )
+        missed = (measured.values[:, column] - simulated)[valid]
+        squares.append(float(np.mean(np.square(missed / usual))))
+    if not squares:
+        raise InputError("it has no channel that was fitted")
+    return RankedRecording(
+        measured.run.name, recording.seconds, np.nan, np.nan, np.nan,
+        error=math.sqrt(sum(squares) / len(squares)),
+    )  # fmt: skip
+
+
+def _by_decision(
+    recording: Recording, covered: Covered, within: float, seed: int
 ) -> RankedRecording:
+    """Return a recording with how surely it decides between rivals, or tells one's parameters."""
+    rivals, layout, measured = recording.rivals, recording.layout, recording.measured
     plant = rivals[0].model.plant
-    measured = admit(run, run.read(), inputs, plant.determined(inputs), strict=False,
-                     roles=plant.roles)  # fmt: skip
-    count = measured.time.size
-    seconds = float(measured.time[-1])
-    drive = measured.drive(0, count, first_state(measured, rivals[0].model))
-    draws = _DRAWS if len(rivals) > 1 else 0
-    layout = layout_of(rivals, draws, np.random.default_rng([seed, 4]))
-    layout_vectors = [
-        np.stack([run.vector(plant.layout, vector) for vector in rival.at(z)])
-        for rival, z in zip(rivals, layout.points, strict=True)
-    ]
-    outputs = predicted_readings(rivals, layout_vectors, drive)
-    if not all(np.isfinite(item).all() for item in outputs):
-        why = "a rival's simulation of it diverges"
-        return RankedRecording(run.name, seconds, np.nan, np.nan, -1.0, why)
+    bench = Bench.of(covered, plant.outputs, plant.command)
     known = replace(
         bench,
-        channels=tuple(name for name in bench.channels if name not in inputs),
+        channels=tuple(name for name in bench.channels if name not in recording.inputs),
         noise=np.array([noise for name, noise in zip(bench.channels, bench.noise, strict=True)
-                        if name not in inputs]),
+                        if name not in recording.inputs]),
     )  # fmt: skip
+    name, seconds = measured.run.name, recording.seconds
     ends = np.searchsorted(measured.time, np.arange(BLOCK, seconds, BLOCK))
-    ticks = [int(tick) for tick in np.unique(np.append(ends[ends >= 2], count))]
-    grams = inner_products(layout, outputs, plant.outputs, known, ticks, [seed, 5])
+    ticks = [int(tick) for tick in np.unique(np.append(ends[ends >= 2], measured.time.size))]
+    grams = inner_products(layout, recording.outputs, plant.outputs, known, ticks, [seed, 5])
     if len(rivals) == 1:
         worst = worst_width(rivals[0], posterior_after(rivals[0], layout, grams[-1], 0))
-        return RankedRecording(run.name, seconds, np.nan, np.nan, (within / max(worst, 1e-12)) ** 2)
+        return RankedRecording(name, seconds, np.nan, np.nan, (within / max(worst, 1e-12)) ** 2)
     found = odds(layout, grams[-1:])[0]
     reached = float(shares_of_a_decision(layout, grams)[-1])
-    return RankedRecording(run.name, seconds, found.right, found.wrong, reached)
+    return RankedRecording(name, seconds, found.right, found.wrong, reached)

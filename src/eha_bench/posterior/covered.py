@@ -82,6 +82,15 @@ class Covered:
     setups: tuple[CoveredSetup, ...]
     dataset: str = ""
 
+    @property
+    def is_explained(self) -> bool:
+        """Whether what is left unexplained is less than the noise, in every channel."""
+        return all(left <= self.noise.get(name, 0.0) for name, left in self.unexplained.items())
+
+    def error(self, channel: str) -> float:
+        """Return what a channel was left with in the fit, noise and unexplained together, SI."""
+        return math.hypot(self.noise.get(channel, 0.0), self.unexplained.get(channel, 0.0))
+
     def setup(self, piston: str, bypass: str) -> CoveredSetup | None:
         """Return what was recorded in a setup, if anything was."""
         return next(
