@@ -18,6 +18,8 @@ _LOW = Parameter("low", "{position}", -1.0, -math.inf, math.inf, "x_low")
 _HIGH = Parameter("high", "{position}", 1.0, -math.inf, math.inf, "x_high")
 _STIFFNESS = Parameter("stiffness", "{effort}/{position}", 1e6, 0.0, math.inf, "k")
 _DAMPING = Parameter("damping", "{damping}", 0.0, 0.0, math.inf, "c")
+_AHEAD = 0.02
+"""Time ahead for which a stop is looked for, s: as long as a tick of a slow log."""
 
 
 def push(
@@ -31,8 +33,18 @@ def push(
     return 0.0
 
 
+def stiffness_near(
+    position: float, speed: float, low: float, high: float, stiffness: float
+) -> float:
+    """Return the stiffness of a stop that is touched now or within the next tick, N/m."""
+    reach = _AHEAD * abs(speed)
+    return stiffness if position > high - reach or position < low + reach else 0.0
+
+
 def _anatomy(declared: frozenset[str]) -> Anatomy:
-    return Anatomy((_LOW, _HIGH, _STIFFNESS, _DAMPING), (Effort("on", push),))
+    return Anatomy(
+        (_LOW, _HIGH, _STIFFNESS, _DAMPING), (Effort("on", push, stiffness=stiffness_near),)
+    )
 
 
 KIND = ElementKind(

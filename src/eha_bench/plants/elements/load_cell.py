@@ -49,10 +49,18 @@ def force_on_first(
     return stiffness * (position_second - position_first) + damping * (speed_second - speed_first)
 
 
+def stiffness_of(stiffness: float) -> float:
+    """Return the stiffness, N/m (or N*m/rad)."""
+    return stiffness
+
+
 def _anatomy(declared: frozenset[str]) -> Anatomy:
     return Anatomy(
         (_STIFFNESS, _DAMPING),
-        (Effort("first", force_on_first), Effort("second", force_on_second)),
+        (
+            Effort("first", force_on_first, stiffness=stiffness_of),
+            Effort("second", force_on_second, stiffness=stiffness_of),
+        ),
         quantities=(Quantity("force", "{effort}", force_on_second),),
     )
 

@@ -22,8 +22,13 @@ def pull(position: float, speed: float, stiffness: float, rest: float, damping: 
     return -(stiffness * (position - rest) + damping * speed)
 
 
+def stiffness_of(stiffness: float) -> float:
+    """Return the stiffness, N/m (or N*m/rad)."""
+    return stiffness
+
+
 def _anatomy(declared: frozenset[str]) -> Anatomy:
-    return Anatomy((_STIFFNESS, _REST, _DAMPING), (Effort("on", pull),))
+    return Anatomy((_STIFFNESS, _REST, _DAMPING), (Effort("on", pull, stiffness=stiffness_of),))
 
 
 KIND = ElementKind(

@@ -125,7 +125,9 @@ def roles_of_channels(
         and not any(out.state == item.position for out in system.outputs)
     }
     read = {output.state for output in system.outputs}
-    joined = [end for part, ends in system.load_cells() if part.name not in shown for end in ends]
+    joined = [
+        end for part, ends in system.elastic_joints() if part.name not in shown for end in ends
+    ]
     bent = [positions[item.name] for item in joined if item.position not in read]
     geared, geared_rates, geared_rate_of = {}, [], {}
     for output, item in system.geared_channels():

@@ -69,12 +69,15 @@ class Effort:
     Attributes:
         port: the node. law: N*m or N. side: of the balance.
         hook: name under which effects may change it, "" where none may.
+        stiffness: law of -d(law)/d(position), N*m/rad or N/m, where what hangs on it may swing
+            faster than a step; never less than it is within the next step.
     """
 
     port: str
     law: Law
     side: BalanceSide = BalanceSide.LOAD
     hook: str = ""
+    stiffness: Law | None = None
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,9 @@ LANES = 8
 FINE = 25e-6
 """Step across a valve that opens or closes, s: an open one fills its chamber in 10 to 25 us."""
 
+RESOLVED = 0.2
+"""Step across which what swings on a spring is followed, in radians of its swing."""
+
 _BALANCED = 0.999
 """Share of the friction up to which a speed balances what acts; above it, none is near."""
 _LANDS = 2.0 / GAMMA

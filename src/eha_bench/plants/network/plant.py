@@ -86,6 +86,30 @@ class ManyInputs:
     bypass_open: BoolArray
 
 
+@dataclass(frozen=True)
+class ElasticJoint:
+    """A spring between two parts, and what shows how far it is bent.
+
+    Attributes:
+        stiffness, play: places in a vector of parameters; no play: None.
+        force: channel that shows its force, "" for none. first, second: states of both positions.
+    """
+
+    stiffness: int
+    play: int | None
+    force: str
+    first: str
+    second: str
+
+    def bent(self, vector: FloatArray, force: float) -> float:
+        """Return the first position less the second one where a force is read, m (or rad)."""
+        stiffness = float(vector[self.stiffness])
+        if not stiffness > 0.0 or force == 0.0:
+            return 0.0
+        play = 0.0 if self.play is None else float(vector[self.play])
+        return force / stiffness + math.copysign(0.5 * play, force)
+
+
 class NetworkPlant(Plant):
     """A plant as a network.
 
@@ -389,7 +413,9 @@ class NetworkPlant(Plant):
         return out
 
     def _goes_in_step(self, vector: FloatArray) -> bool:
-        """Whether a set has no effects on, and no friction that creeps."""
+        """Whether a set has no effects on, no friction that creeps, and no springs."""
+        if self.system.has_springs:
+            return False  # the step that resolves them differs from lane to lane
         places, neutral = self._strengths
         return bool((vector[places] == neutral).all() and (vector[self._creeps] <= 0.0).all())
 
@@ -703,43 +729,43 @@ class NetworkPlant(Plant):
         return {output.channel: output.of for output, _ in self.system.geared_channels()}
 
     @cached_property
-    def _cells(self) -> tuple[tuple[str, str, str, str], ...]:
-        """Load cells: where their stiffness is, what shows their force, both sides' positions."""
+    def _elastic_joints(self) -> tuple[ElasticJoint, ...]:
+        """Springs between two parts that no gear stands between."""
         system = self.system
         names = {place: name for name, place in self.state_places.items()}
         shown = {of: channel for channel, (of, _) in self.network.channels.items()}
         found = []
-        for part in system.parts.values():
-            ports = part.element.ports
-            if part.element.kind.id != "load_cell" or any(
-                n in system.leaders for n in ports.values()
-            ):
+        for part, (first, second) in system.elastic_joints():
+            if any(node in system.leaders for node in part.element.ports.values()):
                 continue
-            first, second = (
-                names[system.leader_of(ports[side]).position] for side in ("first", "second")
-            )
-            key = system.slot_of[f"{part.name}.stiffness"]
-            found.append((key, shown.get(part.name, ""), first, second))
+            slots = {
+                key: system.index[system.slot_of[f"{part.name}.{key}"]]
+                for key in ("stiffness", "play")
+                if f"{part.name}.{key}" in system.slot_of
+            }
+            found.append(
+                ElasticJoint(slots["stiffness"], slots.get("play"), shown.get(part.name, ""),
+                             names[first.position], names[second.position])
+            )  # fmt: skip
         return tuple(found)
 
     def through_parts(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:
         """Return states that readings of other parts tell of.
 
         A speed or a position behind gears is that of its coordinate by their ratio; a position
-        beyond a load cell is as far off as the force that it reads bends it.
+        beyond a spring is as far off as the force that is read of it bends it.
         """
         found: dict[str, float] = {}
         for channel, (state, _) in self.roles.geared.items():
             if channel in readings and state not in readings:
                 found[state] = readings[channel] / self._turns(vector, self._geared_nodes[channel])
         readings = {**found, **readings}
-        for key, force, first, second in self._cells:
-            stiffness = float(vector[self.system.index[key]])
-            bent = readings.get(force, 0.0) / stiffness if stiffness > 0.0 else 0.0
-            if first not in readings and second in readings:
-                found[first] = readings[second] + bent
-            elif second not in readings and first in readings:
-                found[second] = readings[first] - bent
+        for joint in self._elastic_joints:
+            bent = joint.bent(vector, readings.get(joint.force, 0.0))
+            if joint.first not in readings and joint.second in readings:
+                found[joint.first] = readings[joint.second] + bent
+            elif joint.second not in readings and joint.first in readings:
+                found[joint.second] = readings[joint.first] - bent
         return found
 
     def behind_joint(self) -> int | None:

@@ -115,16 +115,16 @@ def _spread(system: System, found: set[str], imposed: set[str]) -> None:
             rod = system.leader_of(ports["on"]).name
             if {ports["a"], ports["b"]} <= found:
                 found.add(rod)
-        elif kind == "load_cell":
-            sides = [system.leader_of(node).name for node in ports.values()]
-            # what one side moves, the other does, and the force between them is known
-            if any(side in found for side in sides):
-                found |= {*sides, part.name}
         elif kind in _WAYS:
             ends = [node for port, node in ports.items() if port != "pilot"]
             # oil that has a way from where something is known
             if any(node in found for node in ends):
                 found |= {node for node in ends if not _is_fed_unknown(system, node, found)}
+    for joint, pair in system.elastic_joints():
+        moved = {item.name for item in pair}
+        # what one side moves, the other does, and the force between them is known
+        if moved & found:
+            found |= {*moved, joint.name}
     for node, chain in system.leaders.items():
         if chain[-1] in found:
             found.add(node)

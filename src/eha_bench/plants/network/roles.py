@@ -844,11 +844,11 @@ def variables_of(system: System) -> dict[str, str]:
 def _motion_channels(system: System, item: Coordinate) -> tuple[str, str]:
     """Return the channels that show a position and a speed, "" for none.
 
-    Through a stiff load cell, what moves at its other end shows them as well.
+    Through an elastic joint, what moves at its other end shows them as well.
     """
     joined = [
         other
-        for _, ends in system.load_cells()
+        for _, ends in system.elastic_joints()
         if item in ends
         for other in ends
         if other is not item

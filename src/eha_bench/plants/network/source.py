@@ -32,7 +32,7 @@ import numpy as np
 
 from eha_bench.plants.compiled import njit as inner
 from eha_bench.plants.network.integration import (
-    FINE, GAMMA, MAX_SPLITS, breaks_away, creep, limited, switches,
+    FINE, GAMMA, MAX_SPLITS, RESOLVED, breaks_away, creep, limited, switches,
 )
 from eha_bench.plants.pointer import behind, pointer
 
@@ -82,6 +82,7 @@ class Writer:
         system = self.system
         for item in system.coordinates:
             self._coordinate(item)
+        self._resolve()
         self._slopes()
         self._rates()
         for item in system.coordinates:
@@ -163,6 +164,25 @@ class Writer:
             f"direction, {self.arguments}",
             [f"level = {self._sum(levels)}", f"return {level}"],
         )
+
+    def _resolve(self) -> None:
+        """Write the longest step that resolves what swings on springs, of all coordinates.
+
+        The fastest swing is at most sqrt(2 k / m) of the stiffest coordinate (Gershgorin: a spring
+        between two masses is felt by both).
+        """
+        body = []
+        for item in self.system.coordinates:
+            terms = self.system.stiffnesses(item)
+            if terms:
+                body += [
+                    f"stiffness = {self._sum(terms)}",
+                    f"mass = mass{item.number}({self.arguments})",
+                    "if stiffness > 0.0 and mass > 0.0:",
+                    "    h = min(h, RESOLVED * math.sqrt(0.5 * mass / stiffness))",
+                ]
+        if body:
+            self.function("resolved", f"h, {self.arguments}", [*body, "return h"])
 
     def _sticks(self, item: Coordinate, level: str) -> str:
         return self.hooks.apply(f"sticks:{item.name}", level, ())
@@ -982,7 +1002,10 @@ class Writer:
             "    break",
             "span = times[k + 1] - t",
         ]
-        longest = self.hooks.apply("longest", "h_max", ("locked",))
+        longest = "h_max"
+        if system.has_springs:
+            longest = f"resolved(h_max, {', '.join(self._from_y())}, t, X, P, S)"
+        longest = self.hooks.apply("longest", longest, ("locked",))
         lines += [f"count = max(1, math.ceil(span / {longest} - 1e-6))", "h = span / count"]
         for item in system.coordinates:
             lines += [

@@ -27,6 +27,7 @@ from eha_bench.plants.network.element import (
     Anatomy,
     Command,
     Compliance,
+    Effort,
     Flow,
     Inertia,
     Input,
@@ -251,13 +252,16 @@ class System:
         name = self.leaders[node][-1] if node in self.leaders else node
         return next(item for item in self.coordinates if item.name == name)
 
-    def load_cells(self) -> list[tuple[BoundElement, tuple[Coordinate, ...]]]:
-        """Return load cells with what moves at their ends."""
-        return [
-            (part, tuple(self.leader_of(node) for node in part.element.ports.values()))
-            for part in self.parts.values()
-            if part.element.kind.id == "load_cell"
-        ]
+    def elastic_joints(self) -> list[tuple[BoundElement, tuple[Coordinate, Coordinate]]]:
+        """Return springs between two nodes, as load cells, with what moves at their ends."""
+        found = []
+        for part in self.parts.values():
+            ends = [term.port for term in part.anatomy.contributions
+                    if isinstance(term, Effort) and term.stiffness is not None]  # fmt: skip
+            if len(ends) == 2:
+                first, second = (self.leader_of(part.element.ports[port]) for port in ends)
+                found.append((part, (first, second)))
+        return found
 
     @property
     def pressure_inputs(self) -> list[PlantInput]:
@@ -836,6 +840,20 @@ class System:
                     if self._on(item, node):
                         found.append((part, term, self.ratio(node)))
         return found
+
+    def stiffnesses(self, item: Coordinate) -> list[str]:
+        """Return the expressions whose sum is the stiffness of the springs on a coordinate."""
+        found = []
+        for part, term, ratio in self.terms(item, Effort):
+            if term.stiffness is not None:
+                value = self.call(part, term.stiffness)
+                found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
+        return found
+
+    @property
+    def has_springs(self) -> bool:
+        """Whether anything swings on springs that a step has to resolve."""
+        return any(self.stiffnesses(item) for item in self.coordinates)
 
     def inertias(self, item: Coordinate) -> list[str]:
         """Return the expressions whose sum is a coordinate's inertia."""
