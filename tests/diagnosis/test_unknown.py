@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,6 +30,7 @@ from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.free_input import Support
 from eha_bench.diagnosis.unknown.locator import (
+    Locator,
     SupportedPlace,
     believed_place,
     by_what_it_follows,
@@ -45,9 +46,11 @@ from eha_bench.plants.registry import get_plant
 EMPTY = np.zeros(0)
 
 
-def offered(place: SuspectPlace, support: float, left: float = 0.0) -> SupportedPlace:
+def offered(
+    place: SuspectPlace, support: float, left: float = 0.0, own_left: float = 0.0
+) -> SupportedPlace:
     return SupportedPlace(
-        place, 1.0, EMPTY, Support(support, 0.0, 0.0, EMPTY, EMPTY), support, left
+        place, 1.0, EMPTY, Support(support, 0.0, 0.0, EMPTY, EMPTY), support, left, own_left
     )
 
 
@@ -62,13 +65,38 @@ def test_a_sensor_is_told_where_its_error_explains_all_and_clearly_more() -> Non
 
 
 @pytest.mark.parametrize(
-    ("support", "left"),
-    [(1000.0, 0.5), (905.0, 0.0)],
-    ids=["other channels are still off", "hardly more"],
+    ("support", "left", "own_left"),
+    [(1000.0, 0.5, 0.0), (905.0, 0.0, 0.0), (1000.0, 0.0, 0.5)],
+    ids=["other channels are still off", "hardly more", "its own channel is still off"],
 )
-def test_a_balance_is_preferred_to_a_sensor(support: float, left: float) -> None:
-    found = believed_place([offered(SENSOR, support, left), offered(BALANCE, 900.0)])
+def test_a_balance_is_preferred_to_a_sensor(support: float, left: float, own_left: float) -> None:
+    found = believed_place([offered(SENSOR, support, left, own_left), offered(BALANCE, 900.0)])
     assert found.place is BALANCE
+
+
+class _Forms(Locator):
+    """Knows what every place's curve is worth without simulating it."""
+
+    def __init__(self, worth: Mapping[str, float]) -> None:
+        self.worth = worth
+
+    def _predicted_curve(self, item: SupportedPlace) -> tuple[Support, str]:
+        return Support(self.worth[item.place.form], 0.0, 0.0, EMPTY, EMPTY), "velocity"
+
+    def _with_curve(self, item: SupportedPlace, found: Support, variable: str) -> SupportedPlace:
+        return replace(item, support=found.log)
+
+
+def test_the_form_is_simulated_whose_curve_is_worth_most_not_the_one_that_is_freest() -> None:
+    friction = SuspectPlace("torque", "friction", "shaft", ("angle",))
+    drag = SuspectPlace("torque", "additive", "shaft", ("angle", "velocity"))
+    drive = SuspectPlace("actuation", "gain", "motor", ("duty",))
+    known = _Forms({"friction": 110.0, "additive": 200.0, "gain": 150.0})
+    found = known._with_curves([offered(friction, 101.0), offered(drag, 100.0),
+                                offered(drive, 99.0)])  # fmt: skip
+    assert {item.place: item.support for item in found} == {
+        friction: 101.0, drag: 200.0, drive: 150.0,
+    }  # fmt: skip
 
 
 class _Describing:

@@ -272,10 +272,7 @@ class BoundEffect:
     @property
     def _alike(self) -> bool:
         """Whether one set of numbers can hold for all places: their units agree."""
-        units = {
-            tuple(self._at(item, spot).unit for item in self._own)
-            for spot in self.spots
-        }
+        units = {tuple(self._at(item, spot).unit for item in self._own) for spot in self.spots}
         return self.role != ANYTHING and len(units) == 1
 
     @cached_property

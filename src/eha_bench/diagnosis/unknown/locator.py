@@ -54,6 +54,10 @@ _COMPLETE = 0.15
 apart leaves that much of jumps."""
 _SMALLEST = 0.03
 """Excess of other channels, in the noise's cost, of which shares are taken at least."""
+_OWN = 0.3
+"""Share of its own channels' excess that a sensor's error may leave: a free error of a sensor can
+be whatever that sensor reads, and where it still leaves more, what goes on is faster than samples.
+"""
 _FURTHEST = 0.3
 _TELLING = 0.1
 """Share of the excess from which what a curve follows means anything."""
@@ -71,6 +75,7 @@ class SupportedPlace:
         free: support of an input that follows nothing.
         support: log likelihood above that of nothing acting, by a curve where that is more.
         left: what stays, as a share, of the excess in the channels that its sensors do not read.
+        own_left: the same of the channels that its sensors read.
     """
 
     place: SuspectPlace
@@ -79,6 +84,12 @@ class SupportedPlace:
     free: Support
     support: float
     left: float
+    own_left: float
+
+    @property
+    def is_a_sensors_fault(self) -> bool:
+        """Whether a free error of its sensors explains them, and leaves nothing elsewhere."""
+        return bool(self.place.sensors) and self.left < _COMPLETE and self.own_left < _OWN
 
 
 class Locator:
@@ -155,23 +166,26 @@ class Locator:
             influence,
             free,
             free.log - self.nothing,
-            self._remaining_excess(place, free.rest),
+            *self._remaining_excess(place, free.rest),
         )
 
-    def _remaining_excess(self, place: SuspectPlace, rest: FloatArray) -> float:
-        """Return what stays of the excess in the channels that a sensor's fault cannot reach."""
+    def _remaining_excess(self, place: SuspectPlace, rest: FloatArray) -> tuple[float, float]:
+        """Return what stays of the excess, as shares: where no sensor's fault reaches, and there.
+
+        No other channel bears a sensor's fault out: 1.
+        """
         names = self.plant.outputs
-        others = ~np.isin(self.channels, [names.index(name) for name in place.sensors])
-        count = float(np.count_nonzero(others))
-        if not count:
-            # no other channel bears a sensor's fault out
-            return 1.0
-        floor = SOFT_MEAN * count
+        own = np.isin(self.channels, [names.index(name) for name in place.sensors])
         soft, _ = soften(self.curves.before.residual, self.short.soft)
-        before = float(soft[others] @ soft[others]) - floor
-        # squares of so many standard normal numbers scatter by the root of twice their count
-        after = float(rest[others] @ rest[others]) - floor - 2.0 * math.sqrt(2.0 * count)
-        return max(after, 0.0) / max(before, _SMALLEST * floor)
+        shares = []
+        for rows in (~own, own):
+            count = float(np.count_nonzero(rows))
+            floor = SOFT_MEAN * count
+            before = float(soft[rows] @ soft[rows]) - floor
+            # squares of so many standard normal numbers scatter by the root of twice their count
+            after = float(rest[rows] @ rest[rows]) - floor - 2.0 * math.sqrt(2.0 * count)
+            shares.append(max(after, 0.0) / max(before, _SMALLEST * floor) if count else 1.0)
+        return shares[0], shares[1]
 
     def _with_curves(self, found: list[SupportedPlace]) -> list[SupportedPlace]:
         """Simulate curves where more than one equation is in the race."""
@@ -180,20 +194,24 @@ class Locator:
         race = [item for item in found if item.support > _IN_THE_RACE * top]
         if len({item.place.equation for item in race}) < 2:
             return found
-        tried: dict[str, set[str]] = {}
-        out = []
-        for item in found:
-            # forms at one place differ little: only the better one is simulated
-            places = tried.setdefault(item.place.equation, set())
-            if item not in race or item.place.at in places or len(places) >= _RIVALS:
-                out.append(item)
-                continue
-            places.add(item.place.at)
-            out.append(self._with_curve(item))
-        return out
+        best: dict[tuple[str, str], tuple[SupportedPlace, Support, str]] = {}
+        for item in race:
+            predicted = self._predicted_curve(item)
+            key = item.place.equation, item.place.at
+            # forms at one place differ little: only the better one's curve is simulated
+            if predicted is not None and (key not in best or predicted[0].log > best[key][1].log):
+                best[key] = (item, *predicted)
+        simulated: dict[SuspectPlace, SupportedPlace] = {}
+        counts: dict[str, int] = {}
+        for item, support, variable in best.values():
+            equation = item.place.equation
+            if counts.get(equation, 0) < _RIVALS:
+                counts[equation] = counts.get(equation, 0) + 1
+                simulated[item.place] = self._with_curve(item, support, variable)
+        return [simulated.get(item.place, item) for item in found]
 
-    def _with_curve(self, item: SupportedPlace) -> SupportedPlace:
-        """Return a place with what speaks for its best curve, simulated, where that is more."""
+    def _predicted_curve(self, item: SupportedPlace) -> tuple[Support, str] | None:
+        """Return what speaks for a place's best curve to first order, and its variable."""
         best: tuple[Support, str] | None = None
         for variable in item.place.variables:
             if self.curves.varies(variable):
@@ -201,9 +219,10 @@ class Locator:
                 support = self.input.support_of_curve(item.influence, curve, item.free)
                 if best is None or support.log > best[0].log:
                     best = support, variable
-        if best is None:
-            return item
-        found, variable = best
+        return best
+
+    def _with_curve(self, item: SupportedPlace, found: Support, variable: str) -> SupportedPlace:
+        """Return a place with what speaks for a curve, simulated, where that is more."""
         knots = self.curves.knots(variable)
         template = Template(item.place.equation, item.place.form, item.place.at, variable)
         p = len(self.free)
@@ -215,11 +234,8 @@ class Locator:
             again = self._simulated_support(item, template, vector, knots, amplitudes)
             last, found = found.log, again
             if found.log - self.nothing > item.support:
-                item = replace(
-                    item,
-                    support=found.log - self.nothing,
-                    left=self._remaining_excess(item.place, found.rest),
-                )
+                left, own_left = self._remaining_excess(item.place, found.rest)
+                item = replace(item, support=found.log - self.nothing, left=left, own_left=own_left)
             if abs(found.log - last) < _SETTLED * abs(found.log - self.nothing):
                 break
         return item
@@ -346,7 +362,7 @@ def believed_place(offered: Sequence[SupportedPlace]) -> SupportedPlace:
     best = offered[0]
     if not balances or not best.place.sensors:
         return best
-    sensors = [item for item in offered if item.place.sensors and item.left < _COMPLETE]
+    sensors = [item for item in offered if item.is_a_sensors_fault]
     margin = max(_LEAST, _CLEARLY * balances[0].support)
     if sensors and sensors[0].support > balances[0].support + margin:
         return sensors[0]
