@@ -73,8 +73,8 @@ def at_their_best(
     pulses, columns, _ = _responses(drive, unsure, 0, times, residual)
     if not pulses:
         return drive
-    normal = columns.T @ columns + np.eye(len(pulses))
-    found = -np.linalg.solve(normal, columns.T @ residual(drive))
+    stacked = np.vstack([columns, np.eye(len(pulses))])
+    found = -np.linalg.lstsq(stacked, np.append(residual(drive), np.zeros(len(pulses))))[0]
     return _with(drive, pulses, np.clip(found, -_FURTHEST, _FURTHEST))
 
 

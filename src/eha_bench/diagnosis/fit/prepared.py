@@ -109,8 +109,9 @@ def best_start(
     """
     error = (residual - slopes @ moved)[rows]
     columns = np.column_stack([slopes, others])[rows]
-    inner = np.eye(columns.shape[1]) + columns.T @ columns
-    best = -np.linalg.solve(inner, columns.T @ error)
+    # stacked: where a simulation runs away with its start, squares of its slopes would drown the 1
+    stacked = np.vstack([columns, np.eye(columns.shape[1])])
+    best = -np.linalg.lstsq(stacked, np.append(error, np.zeros(columns.shape[1])))[0]
     start = np.asarray(best[: moved.size], dtype=np.float64)
     return start, float(error @ (error + columns @ best))
 

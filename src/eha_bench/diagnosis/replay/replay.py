@@ -334,9 +334,10 @@ def _from_best_start(
         matrix = np.column_stack(columns)
         if not (np.isfinite(matrix).all() and np.isfinite(left).all()):
             break
-        # a start is as likely off by one standard deviation as a sample is by its noise
-        normal = matrix.T @ matrix + np.eye(len(columns))
-        change = np.linalg.solve(normal, matrix.T @ left - shares)
+        # a start is as likely off by one standard deviation as a sample is by its noise; stacked,
+        # as their squares would drown it where a start runs away
+        stacked = np.vstack([matrix, np.eye(len(columns))])
+        change = np.linalg.lstsq(stacked, np.concatenate([left, -shares]))[0]
         for length in (1.0, 0.3):
             trial = np.clip(shares + length * change, -_FURTHEST, _FURTHEST)
             there = _weighted_difference(own, off(trial, COARSE), weights)[rows]
