@@ -78,8 +78,10 @@ def test_little_that_runs_disagree_on_is_not_accepted() -> None:
     assert is_within_disagreement(search, item, fall)
     # the look that it was added in had credited it with what the first did only afterwards
     search.accepted[-1] = replace(item, comparison=search.accepted[0].comparison)
-    (note,) = prune(search)
-    assert note.startswith("current_lag is not accepted: without it the others explain as much")
+    (refused,) = prune(search)
+    assert refused.note.startswith(
+        "current_lag is not accepted: without it the others explain as much"
+    )
     assert [item.start.candidate for item in search.effects] == [FIRST]
 
 
@@ -99,7 +101,7 @@ def test_what_another_one_leaves_at_its_bound_is_not_accepted_either(
         return fit
 
     monkeypatch.setattr(honest, "without", taken_to_the_bound)
-    notes = prune(search)
+    notes = [item.note for item in prune(search)]
     assert [note.partition(" is not accepted: ")[0] for note in notes] == [SECOND, FIRST]
     assert "its strength is at its bound" in notes[1]
     assert not search.effects
@@ -135,7 +137,7 @@ def test_what_is_not_distinct_beside_others_and_leaves_nothing_is_not_accepted(
     search = found((size,) * 6)
     item = search.accepted[-1]
     search.accepted[-1] = replace(item, comparison=search.accepted[0].comparison)
-    notes = prune(search)
+    notes = [item.note for item in prune(search)]
     assert (SECOND in [one.start.candidate for one in search.effects]) is stays
     assert len(notes) == int(not stays)
     assert all("its size is not distinct from zero" in note for note in notes)

@@ -14,9 +14,11 @@ from eha_bench.diagnosis.fit.baseline import no_progress
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome import decide as module
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.outcome.refusal import Refusal, placed_by_refusals
 from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.places import Template
@@ -94,8 +96,11 @@ def curves(monkeypatch: pytest.MonkeyPatch, asked: Asked) -> Curves:
     return set_to
 
 
+REFUSED = Refusal(found("backlash"), "its strength is at its bound")
+
+
 def verdict(state: Search) -> Decision:
-    return decide(state, 1e-3, no_progress, ("said before",))
+    return decide(state, 1e-3, no_progress, (REFUSED,))
 
 
 def test_an_effect_that_leaves_noise_is_the_verdict() -> None:
@@ -103,7 +108,7 @@ def test_an_effect_that_leaves_noise_is_the_verdict() -> None:
     assert (told.verdict, told.unknown, told.learned) == (Verdict.EFFECT, None, False)
     assert told.fit.cost == 2.0
     assert told.notes == (
-        "said before", "the error that remains is 1.0 % above the noise (50.0 % before)",
+        REFUSED.note, "the error that remains is 1.0 % above the noise (50.0 % before)",
     )  # fmt: skip
 
 
@@ -331,3 +336,38 @@ def test_what_remains_is_counted_so_that_it_can_be_read(
     after: float, before: float, said: str
 ) -> None:
     assert module._remaining(after, before) == said
+
+
+def refused(candidate: str, equation: str, explained: float) -> Refusal:
+    item = found(candidate, equation)
+    told = replace(NOT_COMPARED, gain=900.0, explained_out=explained)
+    return Refusal(replace(item, comparison=told), "whole replays grow")
+
+
+@pytest.mark.parametrize(
+    ("explained", "share", "placed"),
+    [(0.96, 0.1, "actuation"), (0.5, 0.1, "torque"), (0.96, 0.7, "torque")],
+    ids=["explained nearly all", "explained half", "a curve explains most"],
+)
+def test_what_explained_nearly_all_and_does_not_stand_tells_the_balance(
+    explained: float, share: float, placed: str
+) -> None:
+    located = Unknown("torque", ("motor_speed",), "something", share)
+    told = placed_by_refusals(
+        located, [refused("current_lag", "actuation", explained)], Thresholds()
+    )
+    assert told.equation == placed
+    if placed == "actuation":
+        assert "much as current_lag would" in told.description
+        assert not told.variables
+    else:
+        assert told is located
+
+
+def test_a_curve_in_another_balance_than_the_refused_effect_is_left_out(curves: Curves) -> None:
+    curves(0.3)
+    state = search(4.0, beyond(4.0))
+    told = decide(state, 1e-3, no_progress, [refused("current_lag", "actuation", 0.96)])
+    assert told.unknown is not None
+    assert (told.unknown.equation, told.learned) == ("actuation", False)
+    assert told.fit is state.fit

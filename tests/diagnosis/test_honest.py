@@ -221,8 +221,8 @@ def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
     told = against_the_end(
         SimpleNamespace(effects=items, thresholds=DEFAULT, problem=NOTHING_REACHED), end
     )
-    assert (None if told is None else told[0].start.candidate) == refused
-    assert told is None or says in told[1]
+    assert (None if told is None else told.item.start.candidate) == refused
+    assert told is None or says in told.reason
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,9 @@ def test_what_follows_an_angle_that_nothing_reads_is_said_to_lose_its_phase(name
         places=NOTHING_REACHED.places, plant=plant, beliefs=(), windows=[window]
     )
     search = SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem)
-    (_, reason) = against_the_end(search, end)
+    told = against_the_end(search, end)
+    assert told is not None
+    reason = told.reason
     assert "held-out runs grows" in reason
     assert says in reason
     assert ("phase" in reason) is bool(says)
@@ -290,7 +292,7 @@ def test_an_effect_beside_another_whose_size_may_be_nothing(low, p_value, refuse
     )
     search = SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem)
     against = against_the_end(search, end)
-    assert (None if against is None else against[0].start.candidate) == refused
+    assert (None if against is None else against.item.start.candidate) == refused
     search.effects = items[1:]
     assert against_the_end(search, end) is None
 

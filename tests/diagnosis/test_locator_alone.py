@@ -17,4 +17,8 @@ def test_no_other_channel_makes_no_case_against_a_sensor():
     place = SuspectPlace(
         "measurement", "additive", "pressures", ("time",), ("pressure_a", "pressure_b")
     )
-    assert locator._remaining_excess(place, np.zeros(4)) == 1.0
+    locator.curves = SimpleNamespace(before=SimpleNamespace(residual=np.full(4, 9.0)))
+    locator.short = SimpleNamespace(soft=3.0)
+    elsewhere, own = locator._remaining_excess(place, np.zeros(4))
+    assert elsewhere == 1.0
+    assert own == 0.0

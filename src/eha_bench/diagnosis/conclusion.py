@@ -23,16 +23,16 @@ from eha_bench.diagnosis.outcome.honest import (
     against_the_end,
     curve_is_worse,
     prune,
-    refusal,
 )
 from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
+from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.diagnosis.search.left_out_runs import explains_all_runs, search_in_all_runs
-from eha_bench.diagnosis.search.state import Accepted, begin
+from eha_bench.diagnosis.search.state import begin
 from eha_bench.diagnosis.unknown.locator import locate
 
 _NOTHING: Final = 5.0
@@ -60,7 +60,7 @@ class Conclusion:
     ) -> None:
         self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
         self.stage = "search"
-        self.refused: list[str] = []
+        self.refused: list[Refusal] = []
         self.search = begin(base, thresholds)
         note = "no effect was tried yet, so the verdict is open"
         self.decision = self._open(note)
@@ -86,7 +86,7 @@ class Conclusion:
             and found.verdict is Verdict.EFFECT
             and (against := against_the_end(self.search, found)) is not None
         ):
-            found = self._without_effect(*against)
+            found = self._without_effect(against)
         if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN:
@@ -197,11 +197,11 @@ class Conclusion:
         self.found = replace(found, complete=complete)
         return self.found
 
-    def _without_effect(self, item: Accepted, why: str) -> Diagnosis:
+    def _without_effect(self, against: Refusal) -> Diagnosis:
         """Decide again without an effect that the end speaks against."""
         self.stage = "decide"
-        drop(self.search, item, without(self.search, item))
-        self.refused += [refusal(item, why), *prune(self.search)]
+        drop(self.search, against.item, without(self.search, against.item))
+        self.refused += [against, *prune(self.search)]
         self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
         return self._assemble(complete=True)
 

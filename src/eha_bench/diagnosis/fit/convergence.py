@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.note import Note, Value
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit
@@ -91,25 +92,59 @@ def convergence(fit: Fit, starts: int = 1, agreed: int = 1) -> Convergence:
     Args:
         fit: with the Jacobian at its own place. starts, agreed: as `MultistartFit` has them.
     """
+    found = determined_directions(fit)
+    decrement = float(np.sum(found.slopes**2 / found.information))
+    readings = fit.residual[: fit.residual.size - fit.beliefs]
+    ratio = float(np.sqrt(np.mean(readings**2))) if readings.size else float("nan")
+    level, bounds = _level(fit), _bounds(fit)
+    return Convergence(float(np.sqrt(max(decrement, 0.0) / level)), ratio, starts, agreed, bounds)
+
+
+@dataclass(frozen=True)
+class DeterminedDirections:
+    """What a cost says near a fit: its slope and curvature along what the data determine.
+
+    Attributes:
+        inside: (q,) which of the free parameters no bound holds.
+        directions: (q, k) changes of these in SI by one unit along each eigenvector.
+        slopes: (k,) of the cost's half along each. information: (k,) its curvature there.
+    """
+
+    inside: IndexArray
+    directions: FloatArray
+    slopes: FloatArray
+    information: FloatArray
+
+
+def determined_directions(fit: Fit) -> DeterminedDirections:
+    """Return the eigenvectors of a fit's information that the data determine.
+
+    What they do not determine has no minimum to arrive at. Parameters that stand at a bound, and
+    would go beyond, are left out.
+
+    Args:
+        fit: with the Jacobian at its own place.
+    """
     soft, weight = soften(fit.residual, fit.soft)
     matrix = fit.jacobian * weight[:, None]
-    gradient = matrix.T @ soft
-    bounds = _bounds(fit)
-    inside = [
+    gradient, bounds = matrix.T @ soft, _bounds(fit)
+    inside = np.array([
         k for k, item in enumerate(fit.free)
         if item.key not in bounds or (gradient[k] > 0.0) is (bounds[item.key] != item.low)
-    ]  # fmt: skip
-    level = max(1.0, fit.cost / (SOFT_MEAN * max(1, fit.residual.size)))
-    # what the data do not determine has no minimum to arrive at
+    ], dtype=np.intp)  # fmt: skip
     sizes = np.array([abs(fit.vector[i.at]) or i.scale for i in fit.free])[inside]
     units = sizes / np.array([item.scale for item in fit.free])[inside]
     values, vectors = np.linalg.eigh((matrix[:, inside] * units).T @ (matrix[:, inside] * units))
-    determined = values > level / LOOSE**2
-    along = vectors[:, determined].T @ (gradient[inside] * units)
-    decrement = float(np.sum(along**2 / values[determined]))
-    readings = fit.residual[: fit.residual.size - fit.beliefs]
-    ratio = float(np.sqrt(np.mean(readings**2))) if readings.size else float("nan")
-    return Convergence(float(np.sqrt(max(decrement, 0.0) / level)), ratio, starts, agreed, bounds)
+    kept = values > _level(fit) / LOOSE**2
+    own = vectors[:, kept]
+    return DeterminedDirections(
+        inside, own * sizes[:, None], own.T @ (gradient[inside] * units), values[kept]
+    )
+
+
+def _level(fit: Fit) -> float:
+    """Return the cost over that of the noise alone, at least 1."""
+    return max(1.0, fit.cost / (SOFT_MEAN * max(1, fit.residual.size)))
 
 
 def _bounds(fit: Fit) -> dict[str, float]:

@@ -12,12 +12,14 @@ another step makes as much.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.fit.convergence import determined_directions
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import SLOPES, Problem, cost_of, soften
@@ -41,6 +43,12 @@ _AGAIN = 3
 """Weakest directions along which slopes are taken once more."""
 _TRUE = 0.5
 """Share of the information foreseen in the weakest one that has to be found there."""
+_LENGTHS = (1.0, 0.5, 0.2)
+"""Parts of an undamped step that are tried."""
+_CORRECTIONS = 4
+"""Damped steps that lead back to the bottom of a curved valley."""
+_FOLDS = 0.5
+"""Relative change up to which a parameter moves in its logarithm."""
 _NOTHING = 0.1
 """Fall of the cost that ends a fit, in squares of a standard deviation."""
 
@@ -105,7 +113,7 @@ def converged_fit(problem: Problem, fit: Fit) -> ConvergedFit:
             finer, fit.vector, fit.free, iterations=2, tolerance=_NOTHING,
             known=fit.columns, refresh=0, share=0.0,
         )  # fmt: skip
-        fit = replace(last, jacobian=fit.jacobian)
+        fit = to_the_bottom(finer, replace(last, jacobian=fit.jacobian))
     soft, weight = soften(fit.residual, fit.soft)
     coarse, _ = soften(problem.at_step(2.0 * finer.step).residual(fit.vector), fit.soft)
     matrix = fit.jacobian * weight[:, None]
@@ -114,6 +122,47 @@ def converged_fit(problem: Problem, fit: Fit) -> ConvergedFit:
         fit,
         {item.key: float(step * item.scale) for item, step in zip(fit.free, moved, strict=True)},
     )
+
+
+def to_the_bottom(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit after undamped Gauss-Newton steps along all directions that are determined.
+
+    Damping is a share of each parameter's own information, so where the parameters can nearly be
+    scaled together it holds what little tells their scale, such as what is believed of them, to
+    nothing: a fit then stops, and is several standard deviations from its minimum. Such a valley
+    is curved. Parameters move along it in logarithms, in which products keep (m l beside K_T), and
+    damped steps with the same slopes lead back to its bottom.
+
+    Args:
+        problem: what was fitted. fit: with the Jacobian at its place, and right in every direction.
+    """
+    for _ in range(_ROUNDS):
+        for length in _LENGTHS:
+            better = levenberg_marquardt(
+                problem, _vector_along(fit, length), fit.free, iterations=_CORRECTIONS,
+                tolerance=_NOTHING, known=fit.columns, refresh=0, share=0.0,
+            )  # fmt: skip
+            if better.cost < fit.cost:
+                break
+        else:
+            return fit
+        gain, fit = fit.cost - better.cost, replace(better, jacobian=fit.jacobian)
+        if gain < _NOTHING:
+            break
+    return fit
+
+
+def _vector_along(fit: Fit, length: float) -> FloatArray:
+    """Return the parameters some part of an undamped step further."""
+    found = determined_directions(fit)
+    vector = fit.vector.copy()
+    step = -length * found.directions @ (found.slopes / found.information)
+    for k, change in zip(found.inside, step, strict=True):
+        item, value = fit.free[k], float(fit.vector[fit.free[k].at])
+        share = float(change) / value if value else 0.0
+        moved = value * math.exp(share) if 0.0 < abs(share) < _FOLDS else value + float(change)
+        vector[item.at] = min(max(moved, item.low), item.high)
+    return vector
 
 
 def _with_long_slopes(problem: Problem, fit: Fit) -> Fit:

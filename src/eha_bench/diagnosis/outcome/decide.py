@@ -12,6 +12,7 @@ from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.outcome.refusal import Refusal, placed_by_refusals
 from eha_bench.diagnosis.search.state import Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn, times_of
@@ -43,20 +44,20 @@ class Decision:
 
 
 def decide(
-    search: Search, step: float, progress: ProgressHook, earlier: Sequence[str] = ()
+    search: Search, step: float, progress: ProgressHook, refused: Sequence[Refusal] = ()
 ) -> Decision:
     """Return the verdict on a finished search.
 
     Args:
         search: finished. step: integration step of the localisation, s. progress: called often.
-        earlier: what was refused before, one sentence each.
+        refused: effects that were found before and do not stand.
     """
     rest, limits = search.excess_left, search.thresholds
     unexplained = search.is_unexplained
     before = max(search.excess_base.total, 1.0)
     share = 1.0 - max(rest.total, 0.0) / before
     notes = [
-        *earlier,
+        *(item.note for item in refused),
         _remaining(rest.relative, search.excess_base.relative),
     ]
     if search.effects and (not unexplained or share >= limits.explained):
@@ -73,7 +74,13 @@ def decide(
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:
         return _beside_a_remainder(search, share, step, progress, notes)
-    return _unknown(search, step, progress, tuple(notes))
+    found = _unknown(search, step, progress, tuple(notes))
+    assert found.unknown is not None
+    placed = placed_by_refusals(found.unknown, refused, limits)
+    if placed is found.unknown:
+        return found
+    # a curve in another balance is no part of the revised model
+    return replace(found, unknown=placed, learned=False, fit=search.fit)
 
 
 def _remaining(after: float, before: float) -> str:

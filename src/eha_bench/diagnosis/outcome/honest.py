@@ -19,6 +19,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search.backward import (
     deviations_off,
@@ -38,23 +39,23 @@ _NOT_DISTINCT = (
 )
 
 
-def prune(search: Search) -> list[str]:
-    """Take out of a search what its own figures speak against; say what, one sentence each.
+def prune(search: Search) -> list[Refusal]:
+    """Take out of a search what its own figures speak against; return what, and why.
 
     What one leaves may take the others to a bound, so these are looked at again.
     """
     if not search.effects:
         return []
     _deepen_base(search)
-    notes: list[str] = []
+    refused: list[Refusal] = []
     while found := _dropped(search):
-        notes += found
-    return notes
+        refused += found
+    return refused
 
 
-def _dropped(search: Search) -> list[str]:
-    """Take out what the figures speak against as they are; say what, one sentence each."""
-    notes = []
+def _dropped(search: Search) -> list[Refusal]:
+    """Take out what the figures speak against as they are; return what, and why."""
+    refused = []
     for item in reversed(search.effects):
         refit: Fit | None = None
         reason = _against(search, item)
@@ -62,18 +63,13 @@ def _dropped(search: Search) -> list[str]:
             refit = without(search, item)
             reason = _beside_others(search, item, refit)
         if reason:
-            notes.append(refusal(item, reason))
+            refused.append(Refusal(item, reason))
             drop(search, item, refit or without(search, item))
-    return notes
+    return refused
 
 
-def refusal(item: Accepted, reason: str) -> str:
-    """Say why an effect does not stand."""
-    return f"{item.start.candidate} is not accepted: {reason}"
-
-
-def against_the_end(search: Search, found: Diagnosis) -> tuple[Accepted, str] | None:
-    """Return an effect that a finished diagnosis speaks against, and why; None where all stand.
+def against_the_end(search: Search, found: Diagnosis) -> Refusal | None:
+    """Return an effect that a finished diagnosis speaks against; None where all stand.
 
     Args:
         search: with the effects. found: its end, fitted to the bottom of the cost and replayed.
@@ -81,13 +77,14 @@ def against_the_end(search: Search, found: Diagnosis) -> tuple[Accepted, str] | 
     vector = found.revised.vector()
     for item in search.effects:
         if reason := _beyond(search, item, vector):
-            return item, reason
+            return Refusal(item, reason)
     for item in sorted(search.effects, key=lambda item: item.comparison.gain):
         if len(search.effects) > 1 and _may_be_nothing(search, item, found):
-            return item, "its interval holds zero beside the others, and its gain is not clear"
+            reason = "its interval holds zero beside the others, and its gain is not clear"
+            return Refusal(item, reason)
     if reason := worse(found, search.thresholds):
         item = min(search.effects, key=lambda item: item.comparison.gain)
-        return item, reason + _of_lost_phase(search, item, vector)
+        return Refusal(item, reason + _of_lost_phase(search, item, vector))
     return None
 
 
