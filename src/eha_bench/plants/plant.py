@@ -396,6 +396,15 @@ class Plant:
         """
         return {}
 
+    def hanging_weight(self, vector: FloatArray, node: str) -> float:
+        """Return the largest torque of the declared weights that hang on a node, N*m.
+
+        Args:
+            vector: parameters, SI. node: of a plant.yaml.
+        """
+        del vector, node
+        return 0.0
+
     def linkage(
         self,
         vector: FloatArray,

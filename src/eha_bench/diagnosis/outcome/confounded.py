@@ -1,4 +1,10 @@
-"""What recordings change together from run to run, so that no run tells which of both matters.
+"""What speaks of causes that these recordings, or any, cannot tell from something more ordinary.
+
+A weight that is small beside a declared one is what a sensor's zero that is off makes of that one:
+
+    G cos(q - alpha_0) = W (delta cos q - epsilon sin q),  -W (1 + epsilon) sin(q - delta)
+
+to first order, with W = m g l.
 
 Friction that seems to grow with pressure may as well fall with speed, where every run at a higher
 pressure moved more slowly. Within a run both may hardly change; so runs are compared, by ranks
@@ -9,13 +15,17 @@ moves.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.data.measured import Measured
+from eha_bench.diagnosis.outcome.diagnosis import FoundEffect
 from eha_bench.plants.effect import BoundEffect
+from eha_bench.plants.plant import Plant
 
 _FEWEST = 3
 """Least number of runs that say how two quantities change together."""
@@ -25,6 +35,9 @@ _VARIES = 1.2
 """Least ratio of the largest to the smallest value over runs that is a change."""
 _MOVES = 0.2
 """Share of a run's largest speed from which something moves."""
+_WEIGHT = "gravity_load"
+_SMALL = 0.2
+"""Share of a declared weight up to which first order holds: 2 % of it is lost."""
 _PRESSED = {"p_a", "p_b", "pump_load", "difference"}
 """What laws name that follow a pressure."""
 
@@ -49,6 +62,32 @@ def confounding_notes(
             f"pressure dependence of {' and '.join(pressed)} may in part be one on speed; runs at "
             "one speed and all pressures would separate them"
         )
+    return tuple(notes)
+
+
+def zero_offset_notes(
+    plant: Plant, vector: FloatArray, effects: Sequence[FoundEffect]
+) -> tuple[str, ...]:
+    """Return what speaks of a small weight beside a declared one: a zero that is off.
+
+    Args:
+        plant, vector: as fitted. effects: those that were found.
+    """
+    notes = []
+    for item in effects:
+        declared = plant.hanging_weight(vector, item.at)
+        if item.id != _WEIGHT or not declared > 0.0 or item.settings.get("posture") != "link":
+            continue
+        torque, level = (item.parameters[name].value for name in ("gravity_torque", "level_angle"))
+        zero, heavier = (
+            torque * math.cos(level) / declared, -torque * math.sin(level) / declared
+        )  # fmt: skip
+        if max(abs(zero), abs(heavier)) < _SMALL:
+            notes.append(
+                f"CAUTION: {_WEIGHT} is small beside the weight that is declared at '{item.at}': "
+                f"an angle whose zero is {math.degrees(zero):.2g} deg off, and a weight "
+                f"{per_cent(heavier, 1)} larger, look the same; read the angle where it hangs"
+            )
     return tuple(notes)
 
 

@@ -24,7 +24,7 @@ from eha_bench.diagnosis.fit.uncertainty import (
     spreads,
     undetermined_directions,
 )
-from eha_bench.diagnosis.outcome.confounded import confounding_notes
+from eha_bench.diagnosis.outcome.confounded import confounding_notes, zero_offset_notes
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import ADDED, Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised_model
@@ -109,6 +109,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     if decision.verdict is not Verdict.NONE:
         named = [layout.effect(item.start.candidate) for item in search.effects]
         notes += confounding_notes(base.measured, named)
+        notes += zero_offset_notes(model.plant, fit.vector, effects)
     final = revised_model(model, fit.vector, keys, added)
     return Diagnosis(
         decision.verdict,

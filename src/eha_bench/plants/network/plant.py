@@ -694,6 +694,14 @@ class NetworkPlant(Plant):
     def _value(self, vector: FloatArray, of: str, name: str) -> float:
         return float(vector[self.system.index[self.system.slot_of[f"{of}.{name}"]]])
 
+    def hanging_weight(self, vector: FloatArray, node: str) -> float:
+        """Return the largest torque of the pendulums on a node, m g l, N*m."""
+        return sum(
+            math.prod(self._value(vector, part.name, key) for key in ("mass", "gravity", "length"))
+            for part in self.system.parts.values()
+            if part.element.kind.id == "pendulum" and part.element.ports["on"] == node
+        )
+
     def linkage(self, vector: FloatArray) -> Linkage | None:
         """Return the triangle of links that the rod moves a joint with, None for none."""
         for part in self.system.parts.values():
