@@ -113,7 +113,7 @@ def rank(
     for number, (run, inputs) in enumerate(runs):
         progress("recordings", number / len(runs))
         try:
-            recording = Recording.read(run, inputs, rivals, seed)
+            recording = PredictedRecording.read(run, inputs, rivals, seed)
             if question.covered.is_explained:
                 found.append(_by_decision(recording, question.covered, within, seed))
             else:
@@ -172,7 +172,7 @@ def _setup(log: Path) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Recording:
+class PredictedRecording:
     """A recording, and what every rival predicts of it over draws of its posterior.
 
     Attributes:
@@ -189,7 +189,7 @@ class Recording:
     @staticmethod
     def read(
         run: Run, inputs: tuple[str, ...], rivals: Sequence[Hypothesis], seed: int
-    ) -> Recording:
+    ) -> PredictedRecording:
         """Read a run and simulate it by every rival.
 
         Raises:
@@ -208,7 +208,7 @@ class Recording:
         outputs = predicted_readings(rivals, vectors, drive)
         if not all(np.isfinite(item).all() for item in outputs):
             raise InputError("a rival's simulation of it diverges")
-        return Recording(measured, inputs, rivals, layout, outputs)
+        return PredictedRecording(measured, inputs, rivals, layout, outputs)
 
     @property
     def seconds(self) -> float:
@@ -216,7 +216,7 @@ class Recording:
         return float(self.measured.time[-1])
 
 
-def _by_error(recording: Recording, covered: Covered) -> RankedRecording:
+def _by_error(recording: PredictedRecording, covered: Covered) -> RankedRecording:
     """Return a recording with what the first rival errs by in it."""
     measured, plant = recording.measured, recording.rivals[0].model.plant
     squares = []
@@ -238,7 +238,7 @@ def _by_error(recording: Recording, covered: Covered) -> RankedRecording:
 
 
 def _by_decision(
-    recording: Recording, covered: Covered, within: float, seed: int
+    recording: PredictedRecording, covered: Covered, within: float, seed: int
 ) -> RankedRecording:
     """Return a recording with how surely it decides between rivals, or tells one's parameters."""
     rivals, layout, measured = recording.rivals, recording.layout, recording.measured
