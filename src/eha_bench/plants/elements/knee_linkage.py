@@ -1,7 +1,11 @@
 """The triangle of two links and a cylinder that turns a knee.
 
     c = c_0 + V_10 / A + x,    cos(angle) = (a^2 + b^2 - c^2) / (2 a b)
-    d(angle)/dx = c / (a b sin(angle))
+    r = d(angle)/dx = c / (a b sin(angle))
+    dr/dx = r / c - r^2 cot(angle)
+
+An inertia J on the joint is felt at the rod as J r^2, and where it moves as a force of its own,
+-J r (dr/dx) v^2 (Lagrange): r changes with the rod's position.
 
 The angle is the absolute one between the links; c_0 is the actuator's length all in, and half its
 stroke V_10 / A that of the cylinder (volume at mid-stroke over its area).
@@ -50,8 +54,25 @@ def joint_angle_per_rod(
     return length / (link_a * link_b * math.sqrt(1.0 - value * value))
 
 
+def joint_angle_bend(
+    position: float,
+    link_a: float,
+    link_b: float,
+    link_c0: float,
+    cylinder_volume_a: float,
+    cylinder_area_a: float,
+) -> float:
+    """Return by how much more the joint turns with the rod further out, rad/m^2."""
+    length = link_c0 + cylinder_volume_a / cylinder_area_a + position
+    value = (link_a * link_a + link_b * link_b - length * length) / (2.0 * link_a * link_b)
+    value = min(0.999, max(-0.999, value))
+    sine = math.sqrt(1.0 - value * value)
+    ratio = length / (link_a * link_b * sine)
+    return ratio / length - ratio * ratio * value / sine
+
+
 def _anatomy(declared: frozenset[str]) -> Anatomy:
-    return Anatomy((_A, _B, _C0), (Tie("to", "on", joint_angle_per_rod, angle),))
+    return Anatomy((_A, _B, _C0), (Tie("to", "on", joint_angle_per_rod, angle, joint_angle_bend),))
 
 
 KIND = ElementKind(

@@ -158,12 +158,14 @@ class Tie:
         port: the node that follows. leader: the port of the node that it follows.
         ratio: law of d(follower)/d(leader), of the leader's `position`.
         position: law of the follower's position, of the leader's `position`.
+        bend: law of d2(follower)/d(leader)2, of the leader's `position`; None where it is 0.
     """
 
     port: str
     leader: str
     ratio: Law
     position: Law
+    bend: Law | None = None
 
 
 @dataclass(frozen=True)

@@ -126,6 +126,7 @@ class Writer:
             if term.hook == "torque":
                 value = self.hooks.apply(f"torque:{part.name}", value, ())
             sides[term.side].append(f"({ratio}) * {value}" if ratio else value)
+        sides[BalanceSide.LOAD] += system.forces_of_bends(item)
         inertia = self._sum(system.inertias(item))
         self.function(
             f"mass{n}",

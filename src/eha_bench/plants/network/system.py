@@ -818,6 +818,22 @@ class System:
         further = self.ratio(above)
         return f"{own} * {further}" if further else own
 
+    def bend(self, node: str) -> str:
+        """Return the expression of d2(node)/d(its coordinate)2, "" where it is 0."""
+        if node not in self.leaders:
+            return ""
+        part, tie = self._ties[node]
+        above = part.element.ports[tie.leader]
+        place = self.position(above)
+        ratio, further = self.ratio(above), self.bend(above)
+        terms = []
+        if tie.bend is not None:
+            own = self.call(part, tie.bend, position=place)
+            terms.append(f"{own} * ({ratio}) * ({ratio})" if ratio else own)
+        if further:
+            terms.append(f"{self.call(part, tie.ratio, position=place)} * ({further})")
+        return " + ".join(terms)
+
     def inertia(self, node: str) -> str:
         """Return the expression of the whole inertia of a node's coordinate."""
         item = self.leader_of(node)
@@ -861,22 +877,44 @@ class System:
 
     def inertias_of_nodes(self, item: Coordinate) -> list[str]:
         """Return what a coordinate's own nodes weigh."""
+        return [self._at_coordinate(node, value) for node, value in self._weights_of_nodes(item)]
+
+    def inertias_of_elements(self, item: Coordinate) -> list[str]:
+        """Return what the elements on a coordinate add to its inertia."""
+        return [self._at_coordinate(node, value) for node, value in self._weights_on(item)]
+
+    def forces_of_bends(self, item: Coordinate) -> list[str]:
+        """Return what inertias exert on a coordinate as their ratio to it changes, -J r r' v^2.
+
+        Lagrange's equation of J (r v)^2 / 2; nothing behind gears, whose ratio is constant.
+        """
+        speed = f"v{item.number}"
+        return [
+            f"-{value} * ({self.ratio(node)}) * ({self.bend(node)}) * {speed} * {speed}"
+            for node, value in [*self._weights_of_nodes(item), *self._weights_on(item)]
+            if self.bend(node)
+        ]
+
+    def _weights_of_nodes(self, item: Coordinate) -> list[tuple[str, str]]:
+        """Return the nodes of a coordinate that weigh something, with what."""
         found = []
         for name in self.nodes_on(item):
             for key in ("inertia", "mass"):
                 value = self.parameter(name, key)
                 if value is not None:
-                    ratio = self.ratio(name)
-                    found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
+                    found.append((name, str(value)))
         return found
 
-    def inertias_of_elements(self, item: Coordinate) -> list[str]:
-        """Return what the elements on a coordinate add to its inertia."""
-        found = []
-        for part, term, ratio in self.terms(item, Inertia):
-            value = self.call(part, term.law)
-            found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
-        return found
+    def _weights_on(self, item: Coordinate) -> list[tuple[str, str]]:
+        """Return the nodes of a coordinate that carry elements of some inertia, with that."""
+        return [
+            (part.element.ports[term.port], self.call(part, term.law))
+            for part, term, _ in self.terms(item, Inertia)
+        ]
+
+    def _at_coordinate(self, node: str, inertia: str) -> str:
+        ratio = self.ratio(node)
+        return f"({ratio}) * ({ratio}) * {inertia}" if ratio else inertia
 
     def flows(self) -> list[tuple[BoundElement, Flow]]:
         """Return every flow with its element, in the order of the file."""
