@@ -17,6 +17,7 @@ from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.baseline import gather
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
+from eha_bench.plants.network.file import load_plant
 from eha_bench.plants.plant import Drive
 
 NOISE = {
@@ -84,6 +85,36 @@ def test_at_rest_one_chamber_tells_the_other(model) -> None:
     assert model.plant.at_rest({"pressure_a": 6e5}) == {"pressure_b": 6e5}
     assert model.plant.at_rest({"pressure_a": 6e5, "pressure_b": 1e5}) == {}
     assert model.plant.at_rest({"motor_speed": 0.0}) == {}
+
+
+FED = """\
+plant: fed
+nodes:
+  a:    {kind: volume, bulk_modulus: 1 GPa, pressure: 6 bar}
+  b:    {kind: volume, bulk_modulus: 1 GPa, pressure: 6 bar}
+  feed: {kind: volume, pressure: 5 bar}
+  rod:  {kind: translation, mass: 5 kg}
+  shaft: {kind: rotation, inertia: 4e-4 kg*m^2}
+elements:
+  cylinder: {kind: cylinder, on: rod, a: a, b: b, area_a: 6 cm^2, area_b: 6 cm^2,
+             volume_a: 30 cm^3, volume_b: 30 cm^3}
+  gas:      {kind: accumulator, on: feed, precharge: 5 bar, gas_volume: 60 cm^3}
+  leak:     {kind: laminar_leakage, between: [a, b], conductance: 1e-12 m^3/(s*Pa)}
+  drain:    {kind: laminar_leakage, between: [a, feed], conductance: 1e-13 m^3/(s*Pa)}
+  motor:    {kind: motor, on: shaft, torque_constant: 0.3 N*m/A}
+  pump:     {kind: pump, on: shaft, from: b, to: a, displacement: 0.5 cm^3/rad}
+inputs:   {current_command: motor.current}
+channels: {pressure_a: a.pressure, pressure_b: b.pressure, position: rod.position}
+"""
+
+
+def test_an_accumulator_begins_as_declared_beside_a_chamber_under_pressure(tmp_path) -> None:
+    (tmp_path / "plant.yaml").write_text(FED)
+    plant = load_plant(tmp_path / "plant.yaml")
+    names = {place: name for name, place in plant.state_places.items()}
+    fed = next(names[v.pressure] for v in plant.system.volumes if v.name == "feed")
+    assert fed not in plant.at_rest({"pressure_a": 2.7e6, "pressure_b": 6e5})
+    assert plant.at_rest({"pressure_a": 2.7e6})["pressure_b"] == 2.7e6
 
 
 def test_what_nobody_measured_is_left_to_be_carried(model, truth) -> None:

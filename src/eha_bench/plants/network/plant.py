@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, permutations
 from types import ModuleType
 
 import numpy as np
@@ -605,25 +605,28 @@ class NetworkPlant(Plant):
     def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
         """Return pressures without a reading: a leak evens a volume out with its neighbour."""
         found: dict[str, float] = {}
-        for first, second in self._pressures_equal_at_rest:
-            if first in measured and second not in measured:
-                found.setdefault(second, measured[first])
-            elif second in measured and first not in measured:
-                found.setdefault(first, measured[second])
+        for known, other in self._evened_out_at_rest:
+            if known in measured and other not in measured:
+                found.setdefault(other, measured[known])
         return found
 
     @cached_property
-    def _pressures_equal_at_rest(self) -> tuple[tuple[str, str], ...]:
-        """Pressures, two by two, that a leak between their volumes evens out at rest."""
+    def _evened_out_at_rest(self) -> tuple[tuple[str, str], ...]:
+        """Pressures, and others that a leak makes equal to them at rest.
+
+        What feeds an accumulator is none of these: it holds more than a leak brings, and begins as
+        declared.
+        """
         system = self.system
         names = {place: name for name, place in self.state_places.items()}
         pairs = []
         for part, flow in system.flows():
             if part.element.kind.id == "laminar_leakage":
                 ends = [n for n in system.ends(part, flow) if n in system.volume_of]
-                if len(ends) == 2:
-                    first, second = (names[system.volume_of[n].pressure] for n in ends)
-                    pairs.append((first, second))
+                for known, other in permutations(ends, 2):
+                    if not system.compliances(system.volume_of[other]):
+                        one, two = (names[system.volume_of[n].pressure] for n in (known, other))
+                        pairs.append((one, two))
         return tuple(pairs)
 
     def rest(self, vector: FloatArray) -> Mapping[str, float]:
