@@ -95,3 +95,20 @@ def test_a_window_begins_where_the_commands_before_it_have_brought_the_valve(for
         window = spool(model, drive)[drive.first :]
         apart = np.abs(window - whole_run[first : first + 60]).max()
         assert apart < 1e-6
+
+
+@pytest.mark.parametrize("form", ["first_order", "second_order"])
+def test_a_window_begins_with_the_lag_that_the_commands_before_it_leave(form) -> None:
+    model = Model(
+        "valve_cylinder", {}, (),
+        (DeclaredEffect("valve_lag", {"time_constant": 6e-3, "form": form}),),
+    )  # fmt: skip
+    time = np.arange(0.0, 1.0, 1e-3)
+    inputs = {"valve_command": 3.0 * np.sin(40.0 * time)}
+    whole_run = spool(model, Drive(time, inputs))
+    first = 500
+    cut = slice(first - 100, first + 60)
+    own = {"valve_command": inputs["valve_command"][cut]}
+    window = spool(model, Drive(time[cut], own, first=100))[100:]
+    # 100 ms before it are 17 time constants; a step of 0.1 ms leaves a thousandth
+    assert np.abs(window - whole_run[first : first + 60]).max() < 3e-4

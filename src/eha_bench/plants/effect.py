@@ -75,7 +75,7 @@ class Action:
         opens: a setting that is not reached most of the time, None where there is none.
         fades_by: the effect's parameter that is the speed by which it falls, "" for none: a search
             holds it well below the fastest that was measured.
-        remembers: whether its states follow from what was asked for alone, however fast: they start
+        remembers: whether its states follow from what was asked for alone: they start
             at the first command of a recording, and those before a window bring them to its start.
     """
 

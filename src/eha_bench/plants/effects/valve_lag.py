@@ -103,9 +103,9 @@ def acting(asked: float, lagging: float) -> float:
     return lagging
 
 
-def at_first(current: float) -> float:
-    """Return the lagging command at the first sample: what acts there."""
-    return current
+def at_first(asked: float) -> float:
+    """Return the lagging command at the first sample: what is asked for there."""
+    return asked
 
 
 EFFECT = Effect(
@@ -126,6 +126,7 @@ EFFECT = Effect(
             # in this order: both go on from where both were
             advance={"was": speed_before, "speed": speed_after, "lagging": follow},
             start={"lagging": at_first},
+            remembers=True,
         )
     },
     states=("lagging", "speed", "was"),

@@ -918,16 +918,22 @@ class Writer:
     def _warm_up(self) -> list[str]:
         lines = self._forgotten("0") if self.hooks.remember() else []
         lines += ["for k in range(first):", "    h = times[k + 1] - times[k]"]
+        remembered = bool(self.hooks.remember())
+        if remembered:
+            # what a spool follows moves within a tick where an effect lags before it
+            lines += ["    parts = max(1, math.ceil(h / h_max)) if S[2] != 0.0 else 1",
+                      "    h = h / parts"]  # fmt: skip
         if self._factors:
             lines.append("    prepare_signals(h, X, P, S)")
         for number, column in self._commands:
             at = f"inputs[k, {number}] if given[{number}] else 0.0"
             lines += [f"    {line}" for line in self._asked_lines(number, column, at)]
-        if self.hooks.remember():
-            lines.append("    remember_commands(h, t, X, P, S, Y)")
-        for number, column in self._commands:
-            lines.append(f"    S[{column.signal}] = {self._acting(number, column)}")
-        lines.append("    advance_signals(h, t, X, P, S, Y)")
+        step = ["remember_commands(h, t, X, P, S, Y)"] if remembered else []
+        step += [f"S[{column.signal}] = {self._acting(n, column)}" for n, column in self._commands]
+        step.append("advance_signals(h, t, X, P, S, Y)")
+        if remembered:
+            lines.append("    for part in range(parts):")
+        lines += [f"    {'    ' * remembered}{line}" for line in step]
         return lines
 
     def _loop_lines(self) -> list[str]:
