@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
@@ -9,6 +10,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from eha_bench.diagnosis.fit.beliefs import Belief
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.own_parameters import RunParameter
@@ -92,20 +94,27 @@ def test_what_promised_as_much_as_the_best_is_fitted_as_far(
 
 
 @pytest.mark.parametrize(
-    ("near_value", "declared", "tried"),
+    ("near_value", "declared", "within", "tried"),
     [
-        (2.9, 1.0, False),
-        (3.1, 1.0, True),  # three times as large
-        (0.3, 1.0, True),
-        (0.0, 1.0, True),  # at a bound: what scales it does nothing there
-        (-1.0, 1.0, True),
-        (5.0, 0.0, False),  # declared as none: how far is far is not known
+        (2.9, 1.0, None, False),
+        (2.9, 1.0, 1.0, True),  # beyond what is given under `within`
+        (1.9, 1.0, 1.0, False),
+        (3.1, 1.0, None, True),  # three times as large
+        (0.3, 1.0, None, True),
+        (0.0, 1.0, None, True),  # at a bound: what scales it does nothing there
+        (-1.0, 1.0, None, True),
+        (5.0, 0.0, None, False),  # declared as none: how far is far is not known
     ],
 )
 def test_declared_values_are_tried_as_well_where_parameters_have_gone_far(
-    near_value: float, declared: float, tried: bool, monkeypatch: pytest.MonkeyPatch
+    near_value: float,
+    declared: float,
+    within: float | None,
+    tried: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found = []
+    beliefs = () if within is None else (Belief("friction", 0, declared, within / math.sqrt(3.0)),)
 
     def fitted(_problem: object, vector: np.ndarray, *_: object, **__: object) -> Fit:
         found.append(vector.copy())
@@ -114,7 +123,7 @@ def test_declared_values_are_tried_as_well_where_parameters_have_gone_far(
     monkeypatch.setattr(refit, "levenberg_marquardt", fitted)
     near = object.__new__(Near)
     near.fit = Fit(np.array([near_value, 7.0]), (), np.zeros(0), np.zeros((0, 0)), 0.0)
-    near.problem = SimpleNamespace()
+    near.problem = SimpleNamespace(beliefs=beliefs)
     near.search = _search_of({"friction": 0}, np.array([declared, 7.0]))
     monkeypatch.setattr(near, "_free", lambda *_: ())
     assert len(list(near._as_declared())) == int(tried)

@@ -46,3 +46,8 @@ def beliefs_of(model: Model) -> tuple[Belief, ...]:
 def believed_residual(beliefs: Sequence[Belief], vector: FloatArray) -> FloatArray:
     """Return how far parameters are from what is believed, in standard deviations, (k,)."""
     return np.array([(item.value - vector[item.at]) / item.deviation for item in beliefs])
+
+
+def is_beyond(beliefs: Sequence[Belief], vector: FloatArray) -> bool:
+    """Return whether a parameter is outside of what is given under `within`."""
+    return bool(np.any(np.abs(believed_residual(beliefs, vector)) > math.sqrt(3.0)))

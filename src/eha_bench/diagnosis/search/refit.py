@@ -11,6 +11,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
+from eha_bench.diagnosis.fit.beliefs import is_beyond
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.convergence import has_gone_far
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
@@ -49,6 +50,8 @@ _MAY_WIN = 0.8
 """Least share of the best gain that is predicted of what may win; a fit gains more."""
 _AS_MUCH = 0.97
 """Share of the best gain from which nothing was left on the way."""
+_FURTHER = 10
+"""Steps over long windows of what the short ones promised and is not there yet."""
 _REACHED = 0.7
 """Least share of a predicted gain that has not fallen short: a fit gains more than is predicted."""
 
@@ -166,7 +169,8 @@ class Near:
         self._from = (search.problem, search.fit, *search.accepted)
         bent = is_bent(search.excess_left)
         self.fit = self._from_declared() if bent else self._from_found()
-        self._bases = [self.fit, *(self._as_declared() if bent else ())]
+        beyond = is_beyond(self.problem.beliefs, search.fit.vector)
+        self._bases = [self.fit, *(self._as_declared() if bent or beyond else ())]
         self._asked: list[Start] = []
         self._screened: list[dict[str, list[Screened]]] = []
         self._fits: dict[int, list[Nearby]] = {}
@@ -198,11 +202,13 @@ class Near:
         """Yield the declared parameters, where those of the short windows have gone far from them.
 
         What a candidate does may be gone there: bristles bend by the dry friction, and a friction
-        that rose before it slid was fitted best without any. Where no parameter moves far, this
-        would be the same again.
+        that rose before it slid was fitted best without any. A lag leads nowhere beside a spool
+        that has become slow instead. Where no parameter moves far, or beyond what is believed of
+        it, this would be the same again.
         """
         vector, now = self.search.as_declared(self.fit.vector), self.fit.vector
-        if any(has_gone_far(float(vector[at]), float(now[at])) for at in range(vector.size)):
+        far = any(has_gone_far(float(vector[at]), float(now[at])) for at in range(vector.size))
+        if far or is_beyond(self.problem.beliefs, now):
             free = self._free(vector, ())
             yield levenberg_marquardt(self.problem, vector, free, iterations=0)
 
@@ -451,6 +457,9 @@ class Near:
         fit = levenberg_marquardt(problem, near.vector, free, iterations=rounds, refresh=1)
         if fit.cost > _NOISE * SOFT_MEAN * problem.size:
             fit = friction_at_rest(problem, fit)
+        if fit.cost >= self.search.fit.cost and not turns:
+            # a valley between what is calibrated and the candidate is long
+            fit = levenberg_marquardt(problem, fit.vector, fit.free, iterations=_FURTHER, refresh=3)
         if turns:
             # with the parameters right, the model keeps the phase by itself; a fast turn needs the
             # finer step
