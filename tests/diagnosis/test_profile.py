@@ -65,3 +65,21 @@ def test_a_parameter_that_only_balances_another_costs_nothing_to_take_back():
     assert cost_with(problem, fit, "b", 0.0) - fit.cost < 1.0
     alone, _ = soften(problem.residual(np.array([0.5, 0.0])))
     assert float(alone @ alone) - fit.cost > 1000.0, "with the other held it would seem to matter"
+
+
+class Lopsided:
+    """A smooth cost that is a parabola near its bottom, and rises by another law on each side."""
+
+    def __init__(self) -> None:
+        self.noise = np.random.default_rng(0).standard_normal(10_000)
+
+    def residual(self, vector: np.ndarray) -> np.ndarray:
+        x = float(vector[0])
+        shape = x + 0.3 * x * x if x > -1.0 else -0.7 + 40.0 * (x + 1.0)
+        return self.noise + 0.5 * shape
+
+
+def test_a_smooth_cost_that_is_no_parabola_far_off_is_not_taken_for_a_rough_one() -> None:
+    problem = Lopsided()
+    found = profile_deviation(problem, fit_at(problem, 50.0), "a", 1.0 / 50.0)
+    assert found < 3.0 / 50.0

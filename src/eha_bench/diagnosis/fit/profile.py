@@ -22,6 +22,8 @@ _RISEN = 9.0
 _ROUGH = 4.0
 _BEGIN = 1.5
 _FEWEST, _MOST = 3, 9
+_FEWEST_PLACES = 5
+"""Costs that a parabola is laid through at least."""
 _ALIKE = 2.0
 """Factor that two rises of the cost may differ by and still be the same: 1.4 in the interval."""
 _PIT = 0.2
@@ -49,13 +51,14 @@ def profile_deviation(problem: Problem, fit: Fit, key: str, deviation: float) ->
             if item.low <= fit.vector[item.at] + place * item.scale <= item.high:
                 places.append(place)
                 costs.append(_cost(problem, fit, direction, place))
-        if doubling >= _FEWEST and len(places) >= 5:
-            rise = min(costs[-2:]) - costs[0]
-            if rise > _RISEN + _ROUGH * _parabola(places, costs)[2]:
-                break
+        enough = doubling >= _FEWEST and len(places) >= _FEWEST_PLACES
+        risen = min(costs[-2:]) - costs[0]
+        if enough and risen > _RISEN + _ROUGH * _roughness(places, costs):
+            break
         width *= 2.0
-    if len(places) < 5:
+    if len(places) < _FEWEST_PLACES:
         return deviation
+    places, costs = _near(places, costs)
     curvature, bottom, scatter = _parabola(places, costs)
     if curvature <= 0.0:
         return float("inf")
@@ -142,6 +145,34 @@ def _cost(problem: Problem, fit: Fit, direction: FloatArray, place: float) -> fl
         vector[item.at] = min(max(value, item.low), item.high)
     soft, _ = soften(problem.residual(vector), fit.soft)
     return float(soft @ soft)
+
+
+def _roughness(places: list[float], costs: list[float]) -> float:
+    """Return by how much the cost falls again on its way up, to either side.
+
+    A smooth cost only rises, as a parabola or steeper where others follow badly.
+    """
+    drops = [0.0]
+    for side in (-1.0, 1.0):
+        way = sorted((abs(p), c) for p, c in zip(places, costs, strict=True) if p * side >= 0.0)
+        heights = np.array([cost for _, cost in way])
+        drops.append(float(np.max(np.maximum.accumulate(heights) - heights)))
+    return max(drops)
+
+
+def _near(places: list[float], costs: list[float]) -> tuple[list[float], list[float]]:
+    """Return the places, and their costs, up to where the cost stands out from its roughness.
+
+    Further off a smooth cost bends away from the parabola that it is near its bottom.
+    """
+    risen = _RISEN + _ROUGH * _roughness(places, costs)
+    distances = sorted({abs(place) for place in places})
+    for distance in distances:
+        inside = [k for k, place in enumerate(places) if abs(place) <= distance]
+        ends = [costs[k] - costs[0] for k in inside if abs(places[k]) == distance]
+        if len(inside) >= _FEWEST_PLACES and min(ends) > risen:
+            return [places[k] for k in inside], [costs[k] for k in inside]
+    return places, costs
 
 
 def _parabola(places: list[float], costs: list[float]) -> tuple[float, float, float]:

@@ -17,6 +17,7 @@ from eha_bench.diagnosis.fit.friction_at_rest import friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.own_parameters import LATENESS, Places
 from eha_bench.diagnosis.fit.profile import profile_deviation
+from eha_bench.diagnosis.fit.refitted_profile import strength_interval
 from eha_bench.diagnosis.fit.uncertainty import (
     Estimate,
     estimates,
@@ -52,15 +53,15 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     keys = [*base.keys, *assumed]
     profiles = _profiles(search, decision, fit)
     values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
+    values |= _told_from_nothing(search, fit, values)
     ended = convergence(fit, base.starts, base.agreed)
-    own = own_estimates(search.problem.places, values)
     late = lateness_estimates(search.problem.places, values)
-    calibrated = {key: values[key] for key in keys if key in values and key in layout.index}
-    unknown = open_parameters(fit) if ended.has_intervals else calibrated.keys()
-    calibrated = {k: v.without_interval if k in unknown else v for k, v in calibrated.items()}
     if not ended.has_intervals:
-        own = {run: {key: item.without_interval for key, item in of.items()}
-               for run, of in own.items()}  # fmt: skip
+        values = {key: item.without_interval for key, item in values.items()}
+    own = own_estimates(search.problem.places, values)
+    calibrated = {key: values[key] for key in keys if key in values and key in layout.index}
+    unknown = open_parameters(fit)
+    calibrated = {k: v.without_interval if k in unknown else v for k, v in calibrated.items()}
     effects = []
     for item in search.effects:
         effect = layout.effect(item.start.candidate)
@@ -183,6 +184,25 @@ def _profiles(search: Search, decision: Decision, fit: Fit) -> dict[str, float]:
         for item in fit.free
         if item.key in sought
     }
+
+
+def _told_from_nothing(
+    search: Search, fit: Fit, values: Mapping[str, Estimate]
+) -> dict[str, Estimate]:
+    """Return strengths whose interval holds none, by their profile, where that tells them apart."""
+    keys = {item.at: item.key for item in fit.free}
+    of_each = spreads(fit, search.groups)
+    found: dict[str, Estimate] = {}
+    for start in (item.start for item in search.effects):
+        key = keys.get(start.strength_at, "")
+        item = values.get(key)
+        if item is None or not item.low <= start.neutral <= item.high:
+            continue
+        problem = search.problem.coarser(COARSE, fit.vector, fit.residual)
+        ends = strength_interval(problem, fit, key, start.neutral, of_each[key].least_fall)
+        if ends is not None:
+            found[key] = replace(item, low=ends[0], high=ends[1])
+    return found
 
 
 def _numbers(
