@@ -86,6 +86,19 @@ def test_thresholds_note_what_they_are_compared_with() -> None:
     assert not seen["explained"]
 
 
+@pytest.mark.parametrize(
+    ("relative", "p_value", "enough"),
+    [(0.02, 9.5e-4, False), (0.02, 1e-4, True), (0.04, 9.5e-4, True)],
+)
+def test_the_luckiest_of_several_is_no_cause_where_noise_hides_what_is_missing(
+    relative: float, p_value: float, enough: bool
+) -> None:
+    before = Excess(relative * 1e3, 1000, 90.0, {})
+    assert before.relative == pytest.approx(relative, rel=0.2)
+    found = Improvement(60.0, 60.0, 1.0, 1.0, p_value, 1.0, 1.0)
+    assert DEFAULT.is_enough(found, before, 0) is enough
+
+
 def test_a_recording_is_concerned_by_figures_between_a_threshold_and_its_multiple() -> None:
     found = {
         "A": {"share": Nearest(0.4, 1.9)},

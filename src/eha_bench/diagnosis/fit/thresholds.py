@@ -22,8 +22,8 @@ def _threshold(value: float, decides: str, source: str) -> float:
 QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "Is something missing?": ("rest", "structure", "bursts", "look"),
     "Is a candidate believed?": (
-        "gain", "share", "first", "much", "p_value", "p_few", "plain", "nearly_all",
-        "runs_better", "p_clear", "worth", "together",
+        "gain", "share", "first", "much", "p_value", "p_hidden", "p_few", "plain",
+        "nearly_all", "runs_better", "p_clear", "worth", "together",
     ),
     "Is another one as good?": ("behind", "behind_share", "chance", "white"),
     "Does an effect stand in the end?": ("loose", "little", "likely", "clear", "worse"),
@@ -85,6 +85,11 @@ class Thresholds:
         1e-3,
         "largest probability that it gains nothing on runs left out",
         "record 0060",
+    )
+    p_hidden: float = _threshold(
+        2e-4,
+        "the same where the excess is within `rest`",
+        "`p_value` by five: as many are fitted to the end there, and each may gain by chance",
     )
     p_few: float = _threshold(
         0.05,
@@ -209,10 +214,11 @@ class Thresholds:
     def is_enough(self, found: Improvement, before: Excess, others: int) -> bool:
         """Whether a gain is enough of an excess, or clear where that may be the noise's level.
 
-        Beside another effect it has to be enough: what that leaves is more likely its form.
+        Beside another effect it has to be enough: what that leaves is more likely its form. Where
+        noise hides all that is missing, the most lucky of several candidates takes all of it.
         """
         if min(found.share, found.share_out) > self.least_share(before, others):
-            return True
+            return before.relative > self.rest or found.p_value < self.p_hidden
         level = not self.has_structure(before) and not others
         return level and self.is_clear(found, before.size)
 
