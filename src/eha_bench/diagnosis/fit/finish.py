@@ -124,6 +124,16 @@ def converged_fit(problem: Problem, fit: Fit) -> ConvergedFit:
     )
 
 
+def lowest_fit(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit at the bottom of its cost, at the step at which it was found.
+
+    Args:
+        problem: what was fitted. fit: its end.
+    """
+    found = to_the_bottom(problem, _with_long_slopes(problem, _at(problem, fit)))
+    return found if found.cost < fit.cost else fit
+
+
 def to_the_bottom(problem: Problem, fit: Fit) -> Fit:
     """Return a fit after undamped Gauss-Newton steps along all directions that are determined.
 

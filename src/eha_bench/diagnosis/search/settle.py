@@ -11,7 +11,7 @@ from dataclasses import replace
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import STEP
 from eha_bench.diagnosis.fit.evidence import excess, refined_noise
-from eha_bench.diagnosis.fit.finish import fine_enough
+from eha_bench.diagnosis.fit.finish import fine_enough, lowest_fit
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.fit.start_angles import with_refined_angles
@@ -35,6 +35,15 @@ def settle(search: Search) -> None:
         search.fit = again(search, here, [])
         if here.cost - search.fit.cost < _SETTLED * here.cost:
             break
+    search.excess_left = excess(search.problem, search.fit)
+
+
+def lower(search: Search) -> None:
+    """Follow the fit's valley to its bottom.
+
+    What a fit that stopped in a flat valley leaves would be taken for another cause.
+    """
+    search.fit = lowest_fit(search.problem, search.fit)
     search.excess_left = excess(search.problem, search.fit)
 
 

@@ -12,7 +12,7 @@ from eha_bench.diagnosis.search.forms import take_best_form
 from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.look import is_worth_a_look, look
 from eha_bench.diagnosis.search.refit import is_bent
-from eha_bench.diagnosis.search.settle import rebase, settle
+from eha_bench.diagnosis.search.settle import lower, rebase, settle
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search
 from eha_bench.diagnosis.search.whole_runs import compare_over_whole_runs
 
@@ -70,6 +70,8 @@ def _grow(search: Search, progress: ProgressHook) -> None:
             settle(search)
             rebase(search)
         review(search)
+        if search.is_unexplained:
+            lower(search)
         if _is_nearly_explained(search):
             # what is left of what was nearly explained is more likely a wrong form than a new cause
             exchange(search)
