@@ -412,6 +412,11 @@ class Plant:
         """Return the triangle of links that the rod moves a joint with, None for none."""
         return None
 
+    @property
+    def rods_behind(self) -> Mapping[str, str]:
+        """Channels of joints' angles, with the output that is the position of the rod behind."""
+        return {}
+
     # --- measurements ---------------------------------------------------------------
 
     def determined(

@@ -21,6 +21,7 @@ from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import ErrorAt, Real, StrictModel
 from eha_bench.diagnosis.data.channel_units import check_units
+from eha_bench.diagnosis.data.rod_position import reading_rods, reading_rods_by_topic
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.model import Model, model_from, parse_parameter
 from eha_bench.plants.plant import Plant
@@ -284,14 +285,16 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
                     entry.piston is Piston.LOCKED,
                     entry.bypass is Bypass.OPEN,
                     entry.use,
-                    _reader(part, fewest, computed, place("channels")),
+                    reading_rods(_reader(part, fewest, computed, place("channels")), model),
                     {
                         key: parse_parameter(
                             model.plant.layout, key, raw, place("runs", number, "parameters", key)
                         )
                         for key, raw in entry.parameters.items()
                     },
-                    by_topic=None if computed else _topics_reader(part, fewest),
+                    by_topic=None
+                    if computed
+                    else reading_rods_by_topic(_topics_reader(part, fewest), model),
                 )
             )
     for path_of_map in dict.fromkeys(run.channels for run in runs if run.channels is not None):

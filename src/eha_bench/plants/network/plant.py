@@ -788,6 +788,18 @@ class NetworkPlant(Plant):
         name = next((name for name, own in self.state_places.items() if own == place), "")
         return self.outputs.index(name) if quantity == "angle" and name in self.outputs else None
 
+    @cached_property
+    def rods_behind(self) -> Mapping[str, str]:
+        """Channels of joints' angles, with the output that is the position of the rod behind."""
+        system = self.system
+        places = {
+            channel: system.leader_of(node).position
+            for channel, (node, quantity, _) in system.derived.items()
+            if quantity == "angle"
+        }
+        shown = {channel: system.channel_showing(place) for channel, place in places.items()}
+        return {channel: rod for channel, rod in shown.items() if rod}
+
     def derived(
         self, vector: FloatArray, outputs: Mapping[str, FloatArray]
     ) -> dict[str, FloatArray]:
