@@ -2,8 +2,11 @@
 
 from pathlib import Path
 
-from eha_bench.diagnosis.fit.candidates import all_starts, effect_starts
+import pytest
+
+from eha_bench.diagnosis.fit.candidates import all_starts, declared_sizes, effect_starts
 from eha_bench.plants.network.file import load_plant
+from eha_bench.plants.registry import get_plant
 
 CYLINDER = "suites/plants/valve_cylinder.yaml"
 
@@ -41,3 +44,19 @@ def test_refinements_are_left_until_the_effect_is_there(repository: Path) -> Non
             for asked in (False, True)
         )
         assert (first, refined) == ({0.0}, {0.0, 1.0})
+
+
+def test_the_size_of_a_declared_effect_may_be_wrong() -> None:
+    layout = get_plant("eha_knee").layout
+    vector = layout.defaults()
+    at = layout.index["pressure_sensor_lag.time_constant"]
+    vector[at] = 1e-3
+    (start,) = declared_sizes(layout, vector, ["pressure_sensor_lag", "entrained_air"], ())
+    assert start.candidate == "parameter:pressure_sensor_lag.time_constant"
+    assert start.is_parameter
+    assert (start.neutral, start.low, start.high) == (1e-3, 1e-4, 1e-2)
+    assert start.keys == ("pressure_sensor_lag.time_constant",)
+    assert start.apply(vector)[at] == pytest.approx(1.5e-3)
+    # what is estimated anyway is no candidate, nor what is off
+    assert not declared_sizes(layout, vector, ["pressure_sensor_lag"], start.keys)
+    assert not declared_sizes(layout, vector, ["entrained_air"], ())

@@ -1,7 +1,8 @@
-"""What may be missing: every registered effect at its starting points, and assumed parameters.
+"""What may be missing: every registered effect, and parameters that may be declared wrongly.
 
-A plant parameter whose value is only assumed is a candidate too: where it explains the residual as
-well as an effect does, no effect is named.
+A plant parameter whose value is only assumed is a candidate too, and so is the size of an effect
+that the model declares: where one explains the residual as well as an effect does, no effect is
+named.
 """
 
 from __future__ import annotations
@@ -21,6 +22,10 @@ LEARNED = "learned"
 
 _AT = 1e-3
 """Distance of a strength from its bound, in starting strengths, that is none."""
+_OFF_BY = 10.0
+"""Factor by which the size of a declared effect may be wrong."""
+_PROBED = 1.5
+"""Factor at which that is tried."""
 _SAME = 0.01
 """Relative difference of two parameters that are declared the same."""
 
@@ -73,7 +78,7 @@ class Start:
 
     @property
     def is_parameter(self) -> bool:
-        """Whether it is a parameter that is only assumed, not an effect."""
+        """Whether it is a parameter's value that may be wrong, not an effect."""
         return self.candidate.startswith("parameter:")
 
 
@@ -181,6 +186,32 @@ def all_starts(
                 (parameter.name,),
                 "",
             )
+        )
+    return found
+
+
+def declared_sizes(
+    layout: Layout, vector: FloatArray, declared: Sequence[str], calibrated: Sequence[str]
+) -> list[Start]:
+    """Return the strengths of declared effects as candidates: they may be declared wrongly.
+
+    Args:
+        layout: of the plant. vector: parameters. declared: ids of effects that the model has.
+        calibrated: keys that are estimated anyway.
+    """
+    found = []
+    for effect in layout.effects:
+        key = f"{effect.id}.{effect.strength.name}"
+        if effect.id not in declared or effect.id == LEARNED or key in calibrated:
+            continue
+        at, strength = layout.index[key], effect.strength
+        value = float(vector[at])
+        if not np.isfinite(value) or value == effect.neutral:
+            continue
+        ends = sorted((value / _OFF_BY, value * _OFF_BY))
+        low, high = max(strength.low, ends[0]), min(strength.high, ends[1])
+        found.append(
+            Start(f"parameter:{key}", (), at, value, value * _PROBED, low, high, (key,), "")
         )
     return found
 

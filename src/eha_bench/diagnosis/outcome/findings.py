@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -95,11 +95,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
             continue
         text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
         notes.append(f"{text} {layout.by_key[key].unit}")
-    for key in assumed:
-        notes.append(
-            f"{key} is only assumed in the model; the data ask for "
-            f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"
-        )
+    notes += _value_notes(model, fit, assumed)
     notes += lateness_note(late)
     notes += decision.notes
     notes += ended.notes()
@@ -129,6 +125,21 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         rivals=(found_rival(search, fit, final, added),),
         lateness=late,
     )
+
+
+def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
+    """Say which values the data ask for instead of those that are assumed or declared."""
+    notes, declared, layout = [], model.vector(), model.plant.layout
+    for key in keys:
+        parameter, at = layout.by_key[key], layout.index[key]
+        asked = f"the data ask for {fit.vector[at]:.4g} {parameter.unit}"
+        said = f"CAUTION: {key} is declared as {declared[at]:.4g} {parameter.unit}"
+        notes.append(
+            f"{key} is only assumed in the model; {asked}"
+            if parameter.assumed
+            else f"{said}; {asked}"
+        )
+    return notes
 
 
 def own_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[str, dict[str, Estimate]]:

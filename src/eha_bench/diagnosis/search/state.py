@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import Baseline
-from eha_bench.diagnosis.fit.candidates import Start, all_starts
+from eha_bench.diagnosis.fit.candidates import Start, all_starts, declared_sizes
 from eha_bench.diagnosis.fit.evidence import (
     Excess,
     Groups,
@@ -40,7 +40,7 @@ class Refit:
 
 @dataclass(frozen=True)
 class Accepted:
-    """What was added: an effect, or a parameter that was only assumed.
+    """What was added: an effect, or a parameter whose value may be wrong.
 
     Attributes:
         start: the candidate. comparison: what it gained when it was added.
@@ -148,6 +148,7 @@ def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
     places, vector = search.problem.places, search.fit.vector
     declared = [*search.declared, *taken]
     starts = all_starts(places.layout, vector, declared, search.keys)
+    starts += declared_sizes(places.layout, vector, search.declared, search.keys)
     return [start for start in starts if places.permits(start.apply(vector), start.keys)]
 
 
