@@ -51,12 +51,13 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         added.append(LEARNED)
     assumed = [item.start.keys[0] for item in search.accepted if item.start.is_parameter]
     keys = [*base.keys, *assumed]
-    profiles = _profiles(search, decision, fit)
-    values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
-    values |= _told_from_nothing(search, fit, values)
     ended = convergence(fit, base.starts, base.agreed)
+    profiles = _profiles(search, decision, fit) if ended.has_intervals else {}
+    values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
     late = lateness_estimates(search.problem.places, values)
-    if not ended.has_intervals:
+    if ended.has_intervals:
+        values |= _told_from_nothing(search, fit, values)
+    else:
         values = {key: item.without_interval for key, item in values.items()}
     own = own_estimates(search.problem.places, values)
     calibrated = {key: values[key] for key in keys if key in values and key in layout.index}
