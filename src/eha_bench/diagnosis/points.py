@@ -28,7 +28,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError, MissingChannelError, Place
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
-from eha_bench.diagnosis.fit.candidates import Start, all_starts
+from eha_bench.diagnosis.fit.candidates import Start, all_starts, value_start
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import (
     ADDED,
@@ -47,6 +47,8 @@ from eha_bench.plants.static_plant import StaticPlant
 
 SUFFIX = "_uncertainty"
 _PLAUSIBLE = 3.0
+_OFF_BY = 5.0
+"""Factor by which a published value may be wrong."""
 _OFF = 0.05
 _BELIEVED = 0.01
 _FAINT = 1e-3
@@ -160,14 +162,7 @@ def _parameters(plant: StaticPlant, vector: FloatArray, own: Sequence[int]) -> l
         value = float(vector[at])
         if at in own or value == 0.0:
             continue
-        ends = sorted((0.2 * value, 5.0 * value))
-        low, high = max(parameter.low, ends[0]), min(parameter.high, ends[1])
-        found.append(
-            Start(
-                f"parameter:{parameter.name}", (), at, value, value * (1.0 + _OFF), low, high,
-                (parameter.name,), "",
-            )
-        )  # fmt: skip
+        found.append(value_start(parameter.name, parameter, at, value, _OFF_BY, 1.0 + _OFF))
     return found
 
 

@@ -21,7 +21,7 @@ from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import ErrorAt, Real, StrictModel
 from eha_bench.diagnosis.data.channel_units import check_units
-from eha_bench.diagnosis.data.rod_position import reading_rods, reading_rods_by_topic
+from eha_bench.diagnosis.data.rod_position import with_rod_positions
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.model import Model, model_from, parse_parameter
 from eha_bench.plants.plant import Plant
@@ -269,7 +269,7 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
         own = entry.channels
         channels = existing(own, "runs", number, "channels") if own else shared
         for log in _logs(folder, entry.log, place("runs", number, "log")):
-            part = _LogPart(log, channels, entry.start, entry.stop, entry.use, model.plant)
+            part = _LogPart(log, channels, entry.start, entry.stop, entry.use, model)
             if any(part.contradicts(other) for other in read):
                 raise InputError(
                     f"'{log.name}' is both for training and held out",
@@ -285,16 +285,14 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
                     entry.piston is Piston.LOCKED,
                     entry.bypass is Bypass.OPEN,
                     entry.use,
-                    reading_rods(_reader(part, fewest, computed, place("channels")), model),
+                    _reader(part, fewest, computed, place("channels")),
                     {
                         key: parse_parameter(
                             model.plant.layout, key, raw, place("runs", number, "parameters", key)
                         )
                         for key, raw in entry.parameters.items()
                     },
-                    by_topic=None
-                    if computed
-                    else reading_rods_by_topic(_topics_reader(part, fewest), model),
+                    by_topic=None if computed else _topics_reader(part, fewest),
                 )
             )
     for path_of_map in dict.fromkeys(run.channels for run in runs if run.channels is not None):
@@ -319,7 +317,7 @@ class _LogPart:
     start: float
     stop: float | None
     use: Use
-    plant: Plant
+    model: Model
 
     def channel_map(self) -> ChannelMap | None:
         """Read the channel map, which the plant's own names are no strangers to."""
@@ -327,7 +325,8 @@ class _LogPart:
 
         if self.channels is None:
             return None
-        names = (*self.plant.inputs, *self.plant.outputs, *self.plant.states)
+        plant = self.model.plant
+        names = (*plant.inputs, *plant.outputs, *plant.states)
         return load_channel_map(self.channels).knowing(names)
 
     def contradicts(self, other: _LogPart) -> bool:
@@ -415,6 +414,7 @@ def _reader(
         recording = read_recording(part.log, channels=part.channel_map())
         if computed:
             recording = with_computed(recording, computed, where)
+        (recording,) = with_rod_positions((recording,), part.model)
         return _comparable(_window_of(recording, part), part, fewest)
 
     return read
@@ -424,7 +424,7 @@ def _topics_reader(part: _LogPart, fewest: int) -> Callable[[], tuple[Recording,
     def read() -> tuple[Recording, ...]:
         from eha_bench.recordings import read_topics
 
-        topics = read_topics(part.log, channels=part.channel_map())
+        topics = with_rod_positions(read_topics(part.log, channels=part.channel_map()), part.model)
         if len(topics) == 1:
             return (_comparable(_window_of(topics[0], part), part, fewest),)
         first = min(float(item.time[0]) for item in topics if len(item))

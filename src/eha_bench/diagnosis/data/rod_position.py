@@ -7,9 +7,10 @@ nothing says where the rod is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from eha_bench.core.linkage import Linkage
 from eha_bench.core.recording import Recording
 from eha_bench.plants.model import Model
 
@@ -28,28 +29,23 @@ def with_rod_positions(topics: Sequence[Recording], model: Model) -> tuple[Recor
         joint: rod for joint, rod in model.plant.rods_behind.items()
         if joint in logged and rod not in logged
     }  # fmt: skip
-    found = []
-    for item in topics:
-        for joint, rod in behind.items():
-            if joint in item:
-                note = f"'{rod}' is worked out from '{joint}' by the declared linkage"
-                item = replace(  # noqa: PLW2901
-                    item,
-                    values={**item.values, rod: linkage.position(item[joint])},
-                    units={**item.units, rod: model.plant.units[rod]},
-                    notes=(*item.notes, note),
-                )
-        found.append(item)
-    return tuple(found)
+    return tuple(_with_rods(item, behind, linkage, model.plant.units) for item in topics)
 
 
-def reading_rods(read: Callable[[], Recording], model: Model) -> Callable[[], Recording]:
-    """Return what reads a recording with its rod positions."""
-    return lambda: with_rod_positions((read(),), model)[0]
-
-
-def reading_rods_by_topic(
-    read: Callable[[], tuple[Recording, ...]], model: Model
-) -> Callable[[], tuple[Recording, ...]]:
-    """Return what reads a recording for each topic, with the rod positions."""
-    return lambda: with_rod_positions(read(), model)
+def _with_rods(
+    topic: Recording, behind: Mapping[str, str], linkage: Linkage, units: Mapping[str, str]
+) -> Recording:
+    own = {joint: rod for joint, rod in behind.items() if joint in topic}
+    if not own:
+        return topic
+    found = {rod: linkage.position(topic[joint]) for joint, rod in own.items()}
+    notes = [
+        f"'{rod}' is worked out from '{joint}' by the declared linkage"
+        for joint, rod in own.items()
+    ]
+    return replace(
+        topic,
+        values={**topic.values, **found},
+        units={**topic.units, **{rod: units[rod] for rod in found}},
+        notes=(*topic.notes, *notes),
+    )

@@ -32,6 +32,11 @@ class Belief:
     value: float
     deviation: float
 
+    @property
+    def within(self) -> float:
+        """What is given under `within`, SI."""
+        return math.sqrt(3.0) * self.deviation
+
 
 def beliefs_of(model: Model) -> tuple[Belief, ...]:
     """Return what a model says of the parameters under `calibrate`."""
@@ -50,4 +55,4 @@ def believed_residual(beliefs: Sequence[Belief], vector: FloatArray) -> FloatArr
 
 def is_beyond(beliefs: Sequence[Belief], vector: FloatArray) -> bool:
     """Return whether a parameter is outside of what is given under `within`."""
-    return bool(np.any(np.abs(believed_residual(beliefs, vector)) > math.sqrt(3.0)))
+    return any(abs(vector[item.at] - item.value) > item.within for item in beliefs)

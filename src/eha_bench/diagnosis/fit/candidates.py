@@ -16,16 +16,15 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.layout import Layout
+from eha_bench.plants.parameter import Parameter
 
 LEARNED = "learned"
 """Id of the effect that holds a learned curve; it is never a named cause."""
 
 _AT = 1e-3
 """Distance of a strength from its bound, in starting strengths, that is none."""
-_OFF_BY = 10.0
-"""Factor by which the size of a declared effect may be wrong."""
-_PROBED = 1.5
-"""Factor at which that is tried."""
+_ASSUMED_OFF_BY, _DECLARED_OFF_BY = 2.0, 10.0
+"""Factor by which an assumed value, and the size of a declared effect, may be wrong."""
 _SAME = 0.01
 """Relative difference of two parameters that are declared the same."""
 
@@ -173,20 +172,7 @@ def all_starts(
         value = float(vector[at])
         if value == 0.0 or not np.isfinite(value):
             continue
-        low, high = max(parameter.low, value * 0.5), min(parameter.high, value * 2.0)
-        found.append(
-            Start(
-                f"parameter:{parameter.name}",
-                (),
-                at,
-                value,
-                value * 1.1,
-                min(low, high),
-                max(low, high),
-                (parameter.name,),
-                "",
-            )
-        )
+        found.append(value_start(parameter.name, parameter, at, value, _ASSUMED_OFF_BY, 1.1))
     return found
 
 
@@ -204,16 +190,25 @@ def declared_sizes(
         key = f"{effect.id}.{effect.strength.name}"
         if effect.id not in declared or effect.id == LEARNED or key in calibrated:
             continue
-        at, strength = layout.index[key], effect.strength
+        at = layout.index[key]
         value = float(vector[at])
-        if not np.isfinite(value) or value == effect.neutral:
-            continue
-        ends = sorted((value / _OFF_BY, value * _OFF_BY))
-        low, high = max(strength.low, ends[0]), min(strength.high, ends[1])
-        found.append(
-            Start(f"parameter:{key}", (), at, value, value * _PROBED, low, high, (key,), "")
-        )
+        if np.isfinite(value) and value != effect.neutral:
+            found.append(value_start(key, effect.strength, at, value, _DECLARED_OFF_BY, 1.5))
     return found
+
+
+def value_start(
+    key: str, parameter: Parameter, at: int, value: float, off_by: float, probed: float
+) -> Start:
+    """Return a parameter whose value may be wrong as a candidate.
+
+    Args:
+        key: of the parameter. at: its place in the vector. value: that may be wrong, SI.
+        off_by: factor by which, either way. probed: factor at which that is tried.
+    """
+    ends = sorted((value / off_by, value * off_by))
+    low, high = max(parameter.low, ends[0]), min(parameter.high, ends[1])
+    return Start(f"parameter:{key}", (), at, value, value * probed, low, high, (key,), "")
 
 
 def _can_be_missing(layout: Layout, effect: BoundEffect, start: Start, vector: FloatArray) -> bool:

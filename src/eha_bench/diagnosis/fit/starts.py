@@ -180,7 +180,7 @@ def _fits_from_spread_starts(short: Problem, vector: FloatArray, free: Sequence[
         for item, place in zip(free, draw, strict=True):
             value = vector[item.at]
             if item.at in believed:
-                moved = value + np.sqrt(3.0) * place * believed[item.at].deviation
+                moved = value + place * believed[item.at].within
             elif item.low >= 0.0 or value != 0.0:
                 moved = (value or item.scale) * _FACTOR ** float(place)
             else:

@@ -32,8 +32,8 @@ from eha_bench.diagnosis.search.state import Accepted, Search
 
 _MOST = 0.5
 """Share of what is missing that an effect has to explain which bends a law that is declared."""
-_FAR = 3.0 * sqrt(3.0)
-"""Standard deviations of a belief from which a value contradicts it: three times `within`."""
+_FAR = 3.0
+"""Multiple of what is given under `within` from which a value contradicts it."""
 _NOT_DISTINCT = (
     "its size is not distinct from zero, and the error without it has no structure in time"
 )
@@ -160,7 +160,7 @@ def _beyond_belief(search: Search, item: Accepted, vector: FloatArray) -> str:
     for belief in problem.beliefs:
         if belief.key == needed:
             now = float(vector[belief.at])
-            if abs(now - belief.value) > _FAR * belief.deviation:
+            if abs(now - belief.value) > _FAR * belief.within:
                 unit = layout.by_key[belief.key].unit
                 return (
                     f"with it, {belief.key} would be {now:.4g} {unit}, which is far from what is "

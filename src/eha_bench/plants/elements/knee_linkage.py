@@ -17,12 +17,26 @@ from __future__ import annotations
 
 import math
 
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.network.element import Anatomy, ElementKind, NodeKind, Port, Tie
 from eha_bench.plants.parameter import Parameter
 
 _A = Parameter("link_a", "m", 0.3, 1e-6, math.inf, "a")
 _B = Parameter("link_b", "m", 0.05, 1e-6, math.inf, "b")
 _C0 = Parameter("link_c0", "m", 0.3, 1e-6, math.inf, "c_0")
+
+
+@njit()
+def _cosine(length: float, link_a: float, link_b: float) -> float:
+    """Return the cosine of the joint's angle; held near the dead points, where a leg cannot go."""
+    value = (link_a * link_a + link_b * link_b - length * length) / (2.0 * link_a * link_b)
+    return min(0.999, max(-0.999, value))
+
+
+@njit()
+def _ratio(length: float, cosine: float, link_a: float, link_b: float) -> float:
+    """Return how far the joint turns with the actuator's length, rad/m."""
+    return length / (link_a * link_b * math.sqrt(1.0 - cosine * cosine))
 
 
 def angle(
@@ -33,10 +47,9 @@ def angle(
     cylinder_volume_a: float,
     cylinder_area_a: float,
 ) -> float:
-    """Return the joint's angle, rad; held near the dead points, where a leg cannot go."""
+    """Return the joint's angle, rad."""
     length = link_c0 + cylinder_volume_a / cylinder_area_a + position
-    value = (link_a * link_a + link_b * link_b - length * length) / (2.0 * link_a * link_b)
-    return math.acos(min(0.999, max(-0.999, value)))
+    return math.acos(_cosine(length, link_a, link_b))
 
 
 def joint_angle_per_rod(
@@ -49,9 +62,7 @@ def joint_angle_per_rod(
 ) -> float:
     """Return how far the joint turns with the rod, rad/m."""
     length = link_c0 + cylinder_volume_a / cylinder_area_a + position
-    value = (link_a * link_a + link_b * link_b - length * length) / (2.0 * link_a * link_b)
-    value = min(0.999, max(-0.999, value))
-    return length / (link_a * link_b * math.sqrt(1.0 - value * value))
+    return _ratio(length, _cosine(length, link_a, link_b), link_a, link_b)
 
 
 def joint_angle_bend(
@@ -64,11 +75,9 @@ def joint_angle_bend(
 ) -> float:
     """Return by how much more the joint turns with the rod further out, rad/m^2."""
     length = link_c0 + cylinder_volume_a / cylinder_area_a + position
-    value = (link_a * link_a + link_b * link_b - length * length) / (2.0 * link_a * link_b)
-    value = min(0.999, max(-0.999, value))
-    sine = math.sqrt(1.0 - value * value)
-    ratio = length / (link_a * link_b * sine)
-    return ratio / length - ratio * ratio * value / sine
+    cosine = _cosine(length, link_a, link_b)
+    ratio = _ratio(length, cosine, link_a, link_b)
+    return ratio / length - ratio * ratio * cosine / math.sqrt(1.0 - cosine * cosine)
 
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:

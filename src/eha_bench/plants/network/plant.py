@@ -781,12 +781,8 @@ class NetworkPlant(Plant):
 
     def behind_joint(self) -> int | None:
         """Return the output that the only derived channel, a joint's angle, follows; or None."""
-        if len(self.system.derived) != 1:
-            return None
-        (node, quantity, _) = next(iter(self.system.derived.values()))
-        place = self.system.leader_of(node).position
-        name = next((name for name, own in self.state_places.items() if own == place), "")
-        return self.outputs.index(name) if quantity == "angle" and name in self.outputs else None
+        rods = [*self.rods_behind.values()]
+        return self.outputs.index(rods[0]) if len(self.system.derived) == len(rods) == 1 else None
 
     @cached_property
     def rods_behind(self) -> Mapping[str, str]:

@@ -19,6 +19,7 @@ from eha_bench.plants.network.system import (
     PlantInput,
     System,
     Volume,
+    at_coordinate,
 )
 
 # Dividing needs no test for zero: all of them together take long to compile. What is cached is what
@@ -150,7 +151,7 @@ class Writer:
                 levels.append(f"abs({ratio}) * {level}" if ratio else level)
             if term.viscous:
                 own = str(system.parameter(part.name, term.viscous))
-                viscous.append(f"({ratio}) * ({ratio}) * {own}" if ratio else own)
+                viscous.append(at_coordinate(own, ratio))
         coefficient = self._sum(viscous)
         total = [
             f"total = drive{n}({self.arguments}) + load{n}({self.arguments})",

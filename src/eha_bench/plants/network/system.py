@@ -862,8 +862,7 @@ class System:
         found = []
         for part, term, ratio in self.terms(item, Effort):
             if term.stiffness is not None:
-                value = self.call(part, term.stiffness)
-                found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
+                found.append(at_coordinate(self.call(part, term.stiffness), ratio))
         return found
 
     @property
@@ -877,11 +876,13 @@ class System:
 
     def inertias_of_nodes(self, item: Coordinate) -> list[str]:
         """Return what a coordinate's own nodes weigh."""
-        return [self._at_coordinate(node, value) for node, value in self._weights_of_nodes(item)]
+        return [
+            at_coordinate(value, self.ratio(node)) for node, value in self._weights_of_nodes(item)
+        ]
 
     def inertias_of_elements(self, item: Coordinate) -> list[str]:
         """Return what the elements on a coordinate add to its inertia."""
-        return [self._at_coordinate(node, value) for node, value in self._weights_on(item)]
+        return [at_coordinate(value, self.ratio(node)) for node, value in self._weights_on(item)]
 
     def forces_of_bends(self, item: Coordinate) -> list[str]:
         """Return what inertias exert on a coordinate as their ratio to it changes, -J r r' v^2.
@@ -911,10 +912,6 @@ class System:
             (part.element.ports[term.port], self.call(part, term.law))
             for part, term, _ in self.terms(item, Inertia)
         ]
-
-    def _at_coordinate(self, node: str, inertia: str) -> str:
-        ratio = self.ratio(node)
-        return f"({ratio}) * ({ratio}) * {inertia}" if ratio else inertia
 
     def flows(self) -> list[tuple[BoundElement, Flow]]:
         """Return every flow with its element, in the order of the file."""
@@ -1032,6 +1029,15 @@ class System:
     def has_bypass(self) -> bool:
         """Whether a valve opens where a run's setup says so."""
         return any(part.anatomy.opens_with_bypass for part in self.parts.values())
+
+
+def at_coordinate(value: str, ratio: str) -> str:
+    """Return the expression of an inertia, stiffness or damping as its coordinate feels it.
+
+    Args:
+        value: at its own node. ratio: of that to the coordinate, "" for the coordinate itself.
+    """
+    return f"({ratio}) * ({ratio}) * {value}" if ratio else value
 
 
 def _declared(kind: Parameter, value: float, unit: str) -> Parameter:
