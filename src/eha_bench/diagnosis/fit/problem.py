@@ -53,7 +53,11 @@ _HISTORY = 100
 _SOFT = 5.0
 _BAD = 1e9
 _LOUD = 10.0
-"""Mean square of a window's residual, in that of most, from which its start is moved."""
+"""Mean square of a window's residual, in that of most, from which it says nothing of the rest."""
+_STANDS_OUT = 1.4
+"""The same, from which its start is moved, beyond what chance makes of a window of its length."""
+_CHANCE = 6.0
+"""Standard deviations of a window's mean square that chance does not reach."""
 _HOLDS = 4.0
 """Mean square of most windows, in the noise's, below which the model holds: beyond it, what stands
 out is what the model lacks."""
@@ -168,7 +172,8 @@ class Problem:
 
     def without_loud(self, residual: FloatArray) -> Problem | None:
         """Return the problem without the windows that stand out in a residual, or None."""
-        loud = {*self._loud([float(np.sum(residual[rows] ** 2)) for rows in self._rows])}
+        squares = [float(np.sum(residual[rows] ** 2)) for rows in self._rows]
+        loud = {*self._loud(squares, np.full(len(squares), _LOUD))}
         return self.subset([k for k in range(len(self.windows)) if k not in loud]) if loud else None
 
     def apart(self) -> Problem:
@@ -267,7 +272,9 @@ class Problem:
             ]
 
         further = sum(self._of_groups(linearised, seconds))
-        loud = {*self._loud([part.cost for part in self._parts])}
+        sizes = np.array([max(part.pick.size, 1) for part in self._parts])
+        limits = _STANDS_OUT + _CHANCE * np.sqrt(2.0 / sizes)
+        loud = {*self._loud([part.cost for part in self._parts], limits)}
         for k, part in enumerate(self._parts):
             if k not in loud and part.moved is None:
                 continue
@@ -353,11 +360,15 @@ class Problem:
             found.append((base, columns))
         return found
 
-    def _loud(self, squares: Sequence[float]) -> list[int]:
-        """Return which windows stand out, by the sum of squares of each one's residual."""
+    def _loud(self, squares: Sequence[float], limits: FloatArray) -> list[int]:
+        """Return which windows stand out, by the sum of squares of each one's residual.
+
+        Args:
+            squares: of each window. limits: (windows,) mean square of each, in that of most.
+        """
         means = np.array(squares) / [max(part.pick.size, 1) for part in self._parts]
         usual = max(1.0, float(np.median(means)))
-        loud = np.flatnonzero(means > _LOUD * usual)
+        loud = np.flatnonzero(means > limits * usual)
         return [*map(int, loud)] if usual < _HOLDS and loud.size <= _FEW * means.size else []
 
     def _move_start(self, part: Prepared, at: _At) -> float:
