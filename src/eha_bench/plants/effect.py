@@ -11,7 +11,7 @@ strength an effect is skipped, so the declared model is nested in every candidat
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from functools import cache, cached_property
 
@@ -53,6 +53,24 @@ class Opening:
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """An elastic coupling with play, by the names of an effect's parameters.
+
+    Attributes:
+        compliance: inverse of the stiffness, m/N (or rad/(N*m)); where it is 0 the coupling is as
+            stiff as can be followed.
+        damping_time: damping over stiffness, s.
+        sensors: a choice, not the first word of which where the sensors are on the other side.
+        play: m (or rad) from end to end, "" where there is none.
+    """
+
+    compliance: str
+    damping_time: str
+    sensors: str
+    play: str = ""
+
+
+@dataclass(frozen=True)
 class Action:
     """How an effect acts in one role.
 
@@ -66,6 +84,8 @@ class Action:
         start: state -> function returning it at the first sample (else 0).
         adjusts: parameter of the place -> function returning it changed, for what does not change
             with time or state.
+        couples: how it sets an elastic coupling in a joint that the plant takes for rigid, None
+            where it does not.
         same_as: parameter of the place that says the same: where that is not 0, the effect would
             only repeat it.
         needs: parameter of the place without which there is nothing that it could change.
@@ -87,6 +107,7 @@ class Action:
     advance: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     start: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     adjusts: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    couples: Coupling | None = None
     same_as: str = ""
     needs: str = ""
     alike: tuple[str, str] | None = None
@@ -142,7 +163,8 @@ class Effect:
         for action in self.actions.values():
             self._refuse_unknown("state", (*action.advance, *action.start), self.states)
             setting = action.opens.setting if action.opens else ""
-            named = (*action.choices, action.chosen_by, action.charges, setting)
+            coupling = asdict(action.couples).values() if action.couples else ()
+            named = (*action.choices, action.chosen_by, action.charges, setting, *coupling)
             self._refuse_unknown("parameter", filter(None, named), parameters)
         for start in self.starts:
             self._refuse_unknown("parameter", start, parameters)

@@ -155,6 +155,14 @@ class Parametrised:
             hint=f"it is commanded by {self.plant.command or 'nothing'}",
         )
 
+    @property
+    def hidden(self) -> Mapping[str, float]:
+        """What nothing read says of a first state -> how far it may be from what follows from it.
+
+        A first state may give these as well; they are 0 where it does not.
+        """
+        return {}
+
     # --- what a session rests on ------------------------------------------------
 
     @property

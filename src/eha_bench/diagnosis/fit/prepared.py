@@ -6,7 +6,8 @@ noise and wandering zeros make of it (`problem`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -33,8 +34,9 @@ class Prepared:
         basis, shrink: U as an orthonormal basis (N, k), and 1 - (1 + s^2)^(-1/2) of its sizes.
         shaken, lost: what the inputs' noise does, and inputs that were lost.
         whitening: of noise that remembers. instants: when each reading was taken.
-        starts: states that are uncertain at the start. moved: by how many of their spreads the
-            start is moved from the measured one, (k,). offset: U of these times `moved`, (N,).
+        starts: states that are uncertain at the start, each with its spread. moved: by how many of
+            these the start is moved from the measured one, (k,). offset: U of these times `moved`,
+            (N,).
         cost: sum of squares of the white residual where it was prepared.
     """
 
@@ -51,7 +53,7 @@ class Prepared:
     whitening: csr_array | None = None
     instants: Instants | None = None
     lost: InputNoise | None = None
-    starts: tuple[str, ...] = ()
+    starts: Mapping[str, float] = field(default_factory=dict)
     moved: FloatArray | None = None
     offset: FloatArray | None = None
     cost: float = 0.0

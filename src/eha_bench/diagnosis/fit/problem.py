@@ -144,6 +144,11 @@ class Problem:
         """Whether any window begins elsewhere than where it was measured."""
         return any(part.moved is not None for part in self._parts)
 
+    def hides_more(self, vector: FloatArray) -> bool:
+        """Whether these parameters leave more of the windows' starts open than is prepared for."""
+        hidden = self.plant.at(vector[: self.plant.layout.size]).hidden
+        return any(name not in part.starts for part in self._parts for name in hidden)
+
     def subset(self, keep: Sequence[int]) -> Problem:
         """Return the problem over some of the windows; start-state bases are shared."""
         other = object.__new__(Problem)
@@ -259,12 +264,12 @@ class Problem:
         rough = self.at_step(max(self.step, SLOPES))
         self._carry(vector, rough.step)
         in_run = self._in_runs(vector)
-        seconds = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
+        for part in self._parts:
+            rough._look_at_starts(part, in_run(part))
+        seconds = sum((1 + len(part.starts)) * part.length for part in self._parts)
 
         def linearised(group: WindowGroup) -> list[float]:
             parts, drives = [self._parts[k] for k in group.members], group.drives
-            for part in parts:
-                rough._look_at_starts(part)
             slopes = rough._slopes(parts, drives, in_run)
             return [
                 rough._linearise(part, in_run(part), vector, *own)
@@ -282,15 +287,17 @@ class Problem:
         if further:
             note_simulated_time(further)
 
-    def _look_at_starts(self, part: Prepared) -> None:
+    def _look_at_starts(self, part: Prepared, at: _At) -> None:
         """Find the states that are uncertain at a window's start."""
-        starts = tuple(
-            name
+        starts = {
+            name: spread
             for name, spread in part.window.spread.items()
             if np.isfinite(spread) and spread > 0 and name in self.plant.states
-        )
-        if starts != part.starts:
-            part.starts, part.moved = starts, None
+        }
+        starts |= at.plant.hidden
+        if [*starts] != [*part.starts]:
+            part.moved = None
+        part.starts = starts
 
     def _linearise(
         self, part: Prepared, at: _At, vector: FloatArray, base: FloatArray, columns: FloatArray
@@ -343,8 +350,8 @@ class Problem:
         ):
             # a fifth of a spread: a compromise between noise of stick events and curvature
             moved = [
-                {**start, name: start.get(name, 0.0) + 0.2 * part.window.spread[name]}
-                for name in part.starts
+                {**start, name: start.get(name, 0.0) + 0.2 * spread}
+                for name, spread in part.starts.items()
             ]
             starts += [start, *moved]
             which += [number] * (1 + len(moved))
@@ -574,8 +581,9 @@ class Problem:
         starts = starts_of(plant, drives, [part.window.initial for part in parts])
         for part, start in zip(parts, starts, strict=True):
             if part.moved is not None:
-                for name, z in zip(part.starts, part.moved, strict=True):
-                    start[name] = start.get(name, 0.0) + float(z) * part.window.spread[name]
+                for (name, spread), z in zip(part.starts.items(), part.moved, strict=True):
+                    if name in self.plant.states or name in plant.hidden:
+                        start[name] = start.get(name, 0.0) + float(z) * spread
         return starts
 
     def _of_drive(self, part: Prepared, drive: Drive, at: _At) -> FloatArray:

@@ -12,8 +12,8 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import STEP
 from eha_bench.diagnosis.fit.evidence import excess, refined_noise
 from eha_bench.diagnosis.fit.finish import fine_enough, lowest_fit
-from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.start_angles import with_refined_angles
 from eha_bench.diagnosis.search.refit import polish, polish_at_rest
 from eha_bench.diagnosis.search.state import Search
@@ -66,10 +66,15 @@ def refine(search: Search, vector: FloatArray) -> None:
     if problem.step == search.problem.step:
         return
     search.problem = problem
-    residual = problem.residual(search.fit.vector)
-    soft, _ = soften(residual, problem.soft)
-    search.fit = replace(search.fit, residual=residual, cost=float(soft @ soft))
+    search.fit = weighed_again(problem, search.fit)
     search.excess_left = excess(problem, search.fit)
+
+
+def weighed_again(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit with what it leaves in another problem."""
+    residual = problem.residual(fit.vector)
+    soft, _ = soften(residual, problem.soft)
+    return replace(fit, residual=residual, cost=float(soft @ soft))
 
 
 def _reweight(search: Search, vector: FloatArray) -> FloatArray:

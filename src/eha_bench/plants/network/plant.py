@@ -27,10 +27,12 @@ from eha_bench.plants.network.compiler import compiled_kernel, refuse_uncompiled
 from eha_bench.plants.network.element import Friction
 from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
+from eha_bench.plants.network.loosened import LoosenedPlant
 from eha_bench.plants.network.network import Network
 from eha_bench.plants.network.plant_file import Locate
 from eha_bench.plants.network.reach import determined_nodes
-from eha_bench.plants.network.roles import refuse_unknown_roles, roles_of
+from eha_bench.plants.network.rigid_joint import loosened, rigid_joints
+from eha_bench.plants.network.roles import refuse_unknown_roles, roles_of, usual_effort
 from eha_bench.plants.network.source import kernel_source
 from eha_bench.plants.network.system import BoundElement, System
 from eha_bench.plants.plant import Drive, Drives, Parametrised, Plant
@@ -127,9 +129,9 @@ class NetworkPlant(Plant):
         self.system = system = System(network, locate)
         self.id = network.name
         synonyms = {key: slot for key, slot in system.slot_of.items() if key != slot}
-        given = tuple(effects)
-        refuse_unknown_roles(given)
-        own = bind_effects(given, roles_of(system))
+        self._effects = tuple(effects)
+        refuse_unknown_roles(self._effects)
+        own = bind_effects(self._effects, roles_of(system))
         self.layout = Layout(self.id, system.parameters, own, synonyms=synonyms)
         self.outputs = tuple(item.channel for item in system.outputs)
         self.derived_channels = tuple(system.derived)
@@ -147,6 +149,7 @@ class NetworkPlant(Plant):
             for item in system.columns
             if item.default != -1
         }
+        self._loose_plants: dict[tuple[str, bool], LoosenedPlant] = {}
         self.can_lock = bool(system.locked_coordinates)
         self.has_bypass = system.has_bypass
 
@@ -258,11 +261,64 @@ class NetworkPlant(Plant):
             return self.compiled, vector, np.zeros(self._hooks.memory)
         return self._bare_compiled, vector[: self.bare.size], np.zeros(self._first_memory + 1)
 
+    # --- joints that give way ----------------------------------------------------------------
+
+    @cached_property
+    def _couplings(self) -> tuple[tuple[BoundEffect, int], ...]:
+        """Effects that set a coupling in a joint, with the places of their strengths."""
+        index = self.layout.index
+        return tuple(
+            (effect, index[f"{effect.id}.{effect.strength.name}"])
+            for effect in self.layout.effects
+            if effect.action.couples
+        )
+
+    def _coupled(self, vector: FloatArray) -> BoundEffect | None:
+        """Return the effect by which a joint gives way with these parameters, None for none."""
+        return next(
+            (effect for effect, place in self._couplings if vector[place] != effect.neutral), None
+        )
+
+    def _loosened(self, name: str, *, beyond: bool) -> LoosenedPlant:
+        """Return the plant with a joint of that name that gives way; kept."""
+        if (name, beyond) not in self._loose_plants:
+            joint = next(item for item in rigid_joints(self.system) if item.name == name)
+            sensors = joint.end if beyond else joint.node
+            loose = NetworkPlant(loosened(self.network, joint, sensors=sensors), self._effects)
+            self._loose_plants[name, beyond] = LoosenedPlant(
+                self,
+                loose,
+                joint,
+                usual_effort(self.system, self.system.leader_of(joint.node)),
+                self.motion_of(joint.node),
+                loose.motion_of(joint.node),
+                loose.motion_of(joint.end),
+                beyond,
+            )
+        return self._loose_plants[name, beyond]
+
+    def motion_of(self, node: str) -> tuple[str, str]:
+        """Return the states of a coordinate's speed and position, by their names."""
+        item = self.system.leader_of(node)
+        names = {place: name for name, place in self.state_places.items()}
+        return names[item.speed], names[item.position]
+
     # --- simulation --------------------------------------------------------------------------
 
     def at(self, vector: FloatArray) -> Parametrised:
         """Return the plant with its parameters set, for many simulations with them."""
-        return _Fastest(self, vector)
+        effect = self._coupled(vector)
+        if effect is None or effect.action.couples is None:
+            return _Fastest(self, vector)
+        own = {
+            item.name: float(vector[self.layout.index[f"{effect.id}.{item.name}"]])
+            for item in effect.parameters
+        }
+        names = effect.action.couples
+        loose = self._loosened(effect.place(own), beyond=own[names.sensors] != 0.0)
+        return loose.at(
+            vector, own[names.compliance], own[names.damping_time], own.get(names.play, 0.0)
+        )
 
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
         """Return what the sensors would read: (n, outputs), SI.
@@ -270,13 +326,13 @@ class NetworkPlant(Plant):
         Raises:
             InputError: an input or a first value that this plant does not have.
         """
-        return _Fastest(self, vector).simulate(drive, drive.initial, step)
+        return self.at(vector).simulate(drive, drive.initial, step)
 
     def start(
         self, vector: FloatArray, initial: Mapping[str, float]
     ) -> tuple[FloatArray, FloatArray]:
         """Return the state vector behind what the sensors read first, and a memory."""
-        return _Fastest(self, vector).start(initial)
+        return self.at(vector).start(initial)
 
     def advance(
         self,
@@ -294,7 +350,7 @@ class NetworkPlant(Plant):
         out: FloatArray,
     ) -> None:
         """Go on from moment `first` to moment `last`, as `Plant.advance` says."""
-        _Fastest(self, vector).advance(
+        self.at(vector).advance(
             first, last, time, inputs, locked, bypass_open, step, fresh, memory, state, out
         )
 
@@ -416,6 +472,8 @@ class NetworkPlant(Plant):
         """Whether a set has no effects on, no friction that creeps, and no springs."""
         if self.system.has_springs:
             return False  # the step that resolves them differs from lane to lane
+        if self._coupled(vector) is not None:
+            return False
         places, neutral = self._strengths
         return bool((vector[places] == neutral).all() and (vector[self._creeps] <= 0.0).all())
 

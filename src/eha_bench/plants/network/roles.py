@@ -15,6 +15,7 @@ from eha_bench.core.near_miss import suggest
 from eha_bench.plants.effect import Effect, Equation, Hook, Spot
 from eha_bench.plants.network.element import Friction, NodeKind
 from eha_bench.plants.network.network import UNITS
+from eha_bench.plants.network.rigid_joint import rigid_joints
 from eha_bench.plants.network.system import BoundElement, Coordinate, PlantInput, System, Volume
 
 _STATE = re.compile(r"\b([vxp])(\d+)\b")
@@ -22,6 +23,8 @@ _TIME = re.compile(r"\bt\b")
 _USUAL_PRESSURE = 1e6
 _PIN = 2e7
 """Stiffness of a rod's hardened pin, N/m."""
+_BENT, _ARM = 1e-3, 0.03
+"""By how much a joint is bent by what is usual there, rad, and of a rod as at such an arm, m."""
 _CONTACT = 1e3
 """How fast a shaft swings on the teeth that it leans on, rad/s: faster asks for shorter steps."""
 
@@ -668,6 +671,26 @@ def _loaded_shaft(system: System) -> Iterator[Spot]:
             yield replace(spot, names=names, usual={**spot.usual, "stiffness": stiffness})
 
 
+def _rigid_joint(system: System) -> Iterator[Spot]:
+    """A joint that is taken for rigid, with masses on both sides: a gear's, or a load's."""
+    for joint in rigid_joints(system):
+        item = system.leader_of(joint.node)
+        effort, turns = usual_effort(system, item), item.node.kind is NodeKind.ROTATION
+        way = _BENT if turns else _BENT * _ARM
+        yield Spot(
+            joint.name,
+            _balance(item),
+            {},
+            units={
+                **UNITS[item.node.kind],
+                "compliance": "rad/(N*m)" if turns else "m/N",
+                "play": UNITS[item.node.kind]["position"],
+            },
+            usual={"compliance": way / effort, "play": 30.0 if turns else 1.0},
+            motion=_motion_channels(system, item),
+        )
+
+
 def _sliding_joint(system: System) -> Iterator[Spot]:
     """A rod whose position is measured: the joint between it and what it moves."""
     for item in system.coordinates:
@@ -1017,6 +1040,7 @@ _ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
     "sliding_joint": _sliding_joint,
     "loaded_shaft": _loaded_shaft,
     "turning_joint": _turning_joint,
+    "rigid_joint": _rigid_joint,
     "hanging": _hanging,
     "slide": _slide,
     "supply": _supply,

@@ -1000,8 +1000,9 @@ class System:
 
     @cached_property
     def shown(self) -> dict[int, str]:
-        """The channel that shows each state, by its place."""
-        return {output.state: output.channel for output in self.outputs if output.state >= 0}
+        """The first channel that shows each state, by its place."""
+        shown = [(output.state, output.channel) for output in self.outputs if output.state >= 0]
+        return dict(reversed(shown))
 
     def geared_channels(self) -> list[tuple[Output, Coordinate]]:
         """Return channels of nodes behind gears alone, with the coordinate that they move with."""

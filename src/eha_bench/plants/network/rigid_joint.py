@@ -1,0 +1,164 @@
+"""Joints that a network takes for rigid, and the network with an elastic coupling in one of them.
+
+Two kinds of joints are found: that of a gear, with the shaft that it turns on one side and the rest
+on the other; and that between a shaft (or rod) with a mass of its own and the elements of some mass
+that it carries. Where either side weighs nothing there is nothing that could swing.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from eha_bench.plants.network.element import Inertia
+from eha_bench.plants.network.network import QUANTITIES, Element, Network, Node, element_kinds
+from eha_bench.plants.network.system import BoundElement, Coordinate, System
+
+_COUPLING, _END = "~coupling", "~end"
+"""Behind the name of a joint: what no file can call anything."""
+
+
+@dataclass(frozen=True)
+class RigidJoint:
+    """A joint that is taken for rigid.
+
+    Attributes:
+        name: of the gear, or of the node that carries masses.
+        node: the coordinate on this side of it, whose sensors stay there.
+        moved: element and port that are on the other side.
+        inertia: the smaller of both sides, as declared, at the coordinate.
+    """
+
+    name: str
+    node: str
+    moved: tuple[tuple[str, str], ...]
+    inertia: float
+
+    @property
+    def end(self) -> str:
+        """Name of the node on the other side, once it moves by itself."""
+        return f"{self.name}{_END}"
+
+    @property
+    def coupling(self) -> str:
+        """Name of the element between both sides, once they move apart."""
+        return f"{self.name}{_COUPLING}"
+
+
+def rigid_joints(system: System) -> Iterator[RigidJoint]:
+    """Yield the joints that a network takes for rigid, with masses on both sides."""
+    for item in system.coordinates:
+        for part in system.parts.values():
+            if part.element.kind.id == "gear" and part.element.ports["to"] == item.name:
+                beyond = _turned_by(system, part)
+                here = [node for node in system.nodes_on(item) if node not in beyond]
+                yield from _joint(
+                    part.element.name,
+                    item,
+                    ((part.element.name, "to"),),
+                    sum(_own(system, n) + _carried(system, n) for n in here),
+                    sum(_own(system, n) + _carried(system, n) for n in beyond),
+                )
+        carried = tuple(
+            (part.name, port)
+            for part, port in _weights(system)
+            if part.element.ports[port] == item.name
+        )
+        this = sum(_own(system, n) for n in system.nodes_on(item)) + sum(
+            _carried(system, n) for n in system.nodes_on(item) if n != item.name
+        )
+        yield from _joint(item.name, item, carried, this, _carried(system, item.name))
+
+
+def _joint(
+    name: str, item: Coordinate, moved: tuple[tuple[str, str], ...], this: float, other: float
+) -> Iterator[RigidJoint]:
+    if moved and min(this, other) > 0.0:
+        yield RigidJoint(name, item.name, moved, min(this, other))
+
+
+def _turned_by(system: System, gear: BoundElement) -> list[str]:
+    """Return the nodes that move with what a gear turns."""
+    first = gear.element.ports["from"]
+    return [first, *(node for node, chain in system.leaders.items() if first in chain)]
+
+
+def _weights(system: System) -> Iterator[tuple[BoundElement, str]]:
+    """Yield the elements that add inertia to a node, with the port of that node."""
+    for part in system.parts.values():
+        for term in part.anatomy.contributions:
+            if isinstance(term, Inertia):
+                yield part, term.port
+
+
+def _default(system: System, of: str, name: str) -> float | None:
+    key = system.slot_of.get(f"{of}.{name}")
+    return None if key is None else system.parameters[system.index[key]].default
+
+
+def _own(system: System, node: str) -> float:
+    """Return what a node itself weighs at its coordinate, as declared."""
+    values = (_default(system, node, key) or 0.0 for key in ("inertia", "mass"))
+    return system.declared_ratio(node) ** 2 * sum(values)
+
+
+def _carried(system: System, node: str) -> float:
+    """Return what elements on a node add at its coordinate, as declared."""
+    total = 0.0
+    for part, port in _weights(system):
+        if part.element.ports[port] != node:
+            continue
+        for term in part.anatomy.contributions:
+            if isinstance(term, Inertia) and term.port == port:
+                names = inspect.signature(term.law).parameters
+                values = [_default(system, part.name, name) for name in names]
+                if None not in values:
+                    total += term.law(*values)
+    return system.declared_ratio(node) ** 2 * total
+
+
+def loosened(network: Network, joint: RigidJoint, *, sensors: str) -> Network:
+    """Return a network with an elastic coupling where a joint was taken for rigid.
+
+    What is on the other side moves by itself then, as a node that comes last, and so do channels
+    that show the motion of both sides past every sensor (`motions`).
+
+    Args:
+        network: as declared. joint: in it.
+        sensors: the node on whose side the sensors of the joint's node are: that or `joint.end`.
+    """
+    kind = network.nodes[joint.node].kind
+    moved: dict[str, dict[str, str]] = {}
+    for name, port in joint.moved:
+        moved.setdefault(name, {})[port] = joint.end
+    elements = {
+        name: replace(item, ports={**item.ports, **moved.get(name, {})})
+        for name, item in network.elements.items()
+    }
+    elements[joint.coupling] = Element(
+        joint.coupling,
+        element_kinds()["coupling"],
+        {"first": joint.node, "second": joint.end},
+        {"stiffness": 1.0, "damping": 0.0, "play": 0.0},
+    )
+    shown = {
+        channel: (sensors if of == joint.node else of, quantity)
+        for channel, (of, quantity) in network.channels.items()
+    }
+    motions = {
+        channel: (node, quantity)
+        for node in (joint.node, joint.end)
+        for channel, quantity in zip(motions_of(node), QUANTITIES[kind], strict=True)
+    }
+    return replace(
+        network,
+        nodes={**network.nodes, joint.end: Node(joint.end, kind)},
+        elements=elements,
+        channels={**shown, **motions},
+    )
+
+
+def motions_of(node: str) -> tuple[str, str]:
+    """Return the channels that show the speed and the position of a side past every sensor."""
+    return f"{node}~speed", f"{node}~position"
