@@ -157,6 +157,7 @@ def test_a_session_goes_on_as_a_simulation_does(leg: NetworkPlant) -> None:
     soft = _with(leg, "joint_elasticity", compliance=1 / 50.0, damping_time=0.002, at="belt")
     at = leg.at(soft)
     state, memory = at.start({"joint_angle": 0.1})
+    assert state[at.state_places["joint_angle"]] == 0.1
     inputs = np.zeros((TIME.size, len(leg.inputs)))
     inputs[:, leg.inputs.index("current_command")] = COMMAND["current_command"]
     out = np.full((TIME.size, len(leg.outputs)), np.nan)

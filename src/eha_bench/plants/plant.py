@@ -166,6 +166,11 @@ class Parametrised:
     # --- what a session rests on ------------------------------------------------
 
     @property
+    def state_places(self) -> Mapping[str, int]:
+        """State -> place in the state vector of `start` and `advance`."""
+        return self.plant.state_places
+
+    @property
     def look_back(self) -> float:
         """How long ago an input may be that still acts, s: the longest delay."""
         return self.plant.layout.look_back(self.vector)

@@ -126,7 +126,7 @@ class Session:
         Raises:
             InputError: the plant has no such state.
         """
-        places = self._at.plant.state_places
+        places = self._at.state_places
         if state not in places:
             raise InputError(
                 f"'{state}' is not a state of {self._at.plant.id}", hint=suggest(state, places)

@@ -196,6 +196,13 @@ class _Loosened(Parametrised):
         return self._hidden
 
     @property
+    def state_places(self) -> Mapping[str, int]:
+        """Declared state -> place in the state vector of the plant that is simulated."""
+        of, places = self._of, self._of.loose.state_places
+        read = dict(zip(of.declared, of.other if of.beyond else of.this, strict=True))
+        return {name: places[read.get(name, name)] for name in of.plant.state_places}
+
+    @property
     def look_back(self) -> float:
         """How long ago an input may be that still acts, s."""
         return self._loose.look_back
