@@ -23,7 +23,7 @@ from test_browser import quiet
 
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.fit.convergence import Convergence
-from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.outcome.diagnosis import ChannelError, Unknown, Verdict
 from eha_bench.diagnosis.replay.error_by_value import ErrorBin, ErrorByValue
 from eha_bench.plants.model import DeclaredEffect
 from eha_bench.report.curve_figure import learned_curve
@@ -31,6 +31,7 @@ from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.diagnosis_scene import diagnosis_scene
 from eha_bench.report.diagnosis_text import (
     effect_rows,
+    error_rows,
     headline,
     share,
     times,
@@ -267,3 +268,13 @@ def test_a_frequency_is_no_speed() -> None:
     assert own.declared == "440.0\N{NO-BREAK SPACE}rad/s"
     speed = parameter_row("seals.stribeck_velocity", Estimate(1.0, 0.9, 1.1, "rad/s"))
     assert speed.value.endswith("rpm")
+
+
+def test_a_channel_without_noise_has_its_row() -> None:
+    errors = {
+        "current": ChannelError(0.0, 0.0, 0.0, 0.0, "A"),
+        "motor_speed": ChannelError(2.0, 2.0, 1.0, 0.5, "rad/s"),
+    }
+    rows = error_rows(errors)
+    assert rows[1].channel.lower().startswith("current")
+    assert rows[1].ratio != rows[0].ratio

@@ -142,7 +142,9 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
     """Return the table of errors, the channel that was missed most first."""
 
     def gap(name: str) -> float:
-        ratio = errors[name].before / errors[name].noise_floor
+        # a current that is logged as it was commanded has no noise
+        floor = errors[name].noise_floor
+        ratio = errors[name].before / floor if floor > 0.0 else math.nan
         return -ratio if math.isfinite(ratio) else 0.0
 
     rows = []

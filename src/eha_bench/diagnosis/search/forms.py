@@ -32,6 +32,8 @@ _AT = 1e-3
 def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
     """Return the starts of an effect's forms, at the place where it acts.
 
+    Which of the joints of a chain gives way is a matter of form: all of them make it soft.
+
     Its present form is among them where it has more numbers than its size: these may have run off
     to where they say nothing (a friction that falls at speeds that no run has reached).
 
@@ -42,14 +44,16 @@ def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
     choices = [
         layout.index[f"{effect.id}.{parameter.name}"]
         for parameter in effect.parameters
-        if parameter.choices and parameter.name != AT
+        if parameter.choices and (parameter.name != AT or effect.action.couples)
     ]
     place = layout.index.get(f"{effect.id}.{AT}")
     held = held_keys(layout, item, fit)
     found = []
     for start in effect_starts(layout, effect, refined=True):
         settings = dict(start.settings)
-        elsewhere = place is not None and settings[place] != fit.vector[place]
+        elsewhere = (
+            place is not None and place not in choices and settings[place] != fit.vector[place]
+        )
         keys = tuple(key for key in start.keys if key not in held)
         other = any(settings[at] != fit.vector[at] for at in choices)
         if not elsewhere and choices and (other or len(keys) > 1):

@@ -28,7 +28,7 @@ _MOMENT = 1e-6
 """Time over which an acceleration is looked at, s."""
 _TRIED = 1e-3
 """Force by which that is changed, in what is usual there."""
-_AWAY = 3.0
+_AWAY = 20.0
 """Force by which the first bend may be off, in what is usual there."""
 _SLOW = 100.0
 """Rate at which it may change at first by as much as it may be off, 1/s."""
