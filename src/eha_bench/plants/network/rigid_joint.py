@@ -92,14 +92,9 @@ def _weights(system: System) -> Iterator[tuple[BoundElement, str]]:
                 yield part, term.port
 
 
-def _default(system: System, of: str, name: str) -> float | None:
-    key = system.slot_of.get(f"{of}.{name}")
-    return None if key is None else system.parameters[system.index[key]].default
-
-
 def _own(system: System, node: str) -> float:
     """Return what a node itself weighs at its coordinate, as declared."""
-    values = (_default(system, node, key) or 0.0 for key in ("inertia", "mass"))
+    values = (system.declared(node, key) or 0.0 for key in ("inertia", "mass"))
     return system.declared_ratio(node) ** 2 * sum(values)
 
 
@@ -112,7 +107,7 @@ def _carried(system: System, node: str) -> float:
         for term in part.anatomy.contributions:
             if isinstance(term, Inertia) and term.port == port:
                 names = inspect.signature(term.law).parameters
-                values = [_default(system, part.name, name) for name in names]
+                values = [system.declared(part.name, name) for name in names]
                 if None not in values:
                     total += term.law(*values)
     return system.declared_ratio(node) ** 2 * total

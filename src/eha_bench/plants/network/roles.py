@@ -108,8 +108,7 @@ def _on(system: System, item: Coordinate, kind: str) -> list[BoundElement]:
 
 def _default(system: System, owner: str, name: str) -> float:
     """Return what a node or an element declares, 0 where it has no such parameter."""
-    key = system.slot_of.get(f"{owner}.{name}")
-    return system.parameters[system.index[key]].default if key is not None else 0.0
+    return system.declared(owner, name) or 0.0
 
 
 def usual_effort(system: System, item: Coordinate) -> float:

@@ -379,6 +379,11 @@ class System:
         key = self.slot_of.get(f"{of}.{name}")
         return None if key is None else f"P[{self.index[key]}]"
 
+    def declared(self, of: str, name: str) -> float | None:
+        """Return what a node or an element declares, None where it has no such parameter."""
+        key = self.slot_of.get(f"{of}.{name}")
+        return None if key is None else self.parameters[self.index[key]].default
+
     # --- states and signals ------------------------------------------------------------------
 
     def _states(self) -> None:
