@@ -167,3 +167,17 @@ def test_a_session_goes_on_as_a_simulation_does(leg: NetworkPlant) -> None:
         )  # fmt: skip
     whole = at.simulate(Drive(TIME, COMMAND), {"joint_angle": 0.1}, 1e-3)
     assert out[1:] == pytest.approx(whole[1:], abs=0.05 * float(np.ptp(whole)))
+
+
+@pytest.mark.slow  # compiles kernels
+@pytest.mark.parametrize("sensors", ["before", "beyond"])
+def test_a_measured_motion_is_imposed_under_its_own_name(leg: NetworkPlant, sensors: str) -> None:
+    soft = _with(
+        leg, "joint_elasticity", compliance=1 / 50.0, damping_time=0.002, at="joint",
+        sensors=sensors,
+    )  # fmt: skip
+    speed = 0.5 * np.sin(2.0 * np.pi * 3.0 * TIME)
+    drive = Drive(TIME, {**COMMAND, "joint_speed": speed}, {"joint_angle": 0.1})
+    out = leg.simulate(soft, drive, 1e-3)[:, leg.outputs.index("joint_angle")]
+    turned = 0.1 + 0.5 * (1.0 - np.cos(2.0 * np.pi * 3.0 * TIME)) / (2.0 * np.pi * 3.0)
+    assert out == pytest.approx(turned, abs=1e-4)

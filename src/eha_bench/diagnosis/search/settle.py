@@ -28,8 +28,7 @@ def settle(search: Search) -> None:
         refine(search, search.fit.vector)
         search.problem = with_refined_angles(search.problem, search.fit.vector)
         residual = _reweight(search, search.fit.vector)
-        soft, _ = soften(residual, search.problem.soft)
-        here = replace(search.fit, residual=residual, cost=float(soft @ soft))
+        here = _leaving(search.problem, search.fit, residual)
         # friction at rest is asked for once: later rounds change less than tells its forms apart
         again = polish_at_rest if number == 0 else polish
         search.fit = again(search, here, [])
@@ -72,7 +71,11 @@ def refine(search: Search, vector: FloatArray) -> None:
 
 def weighed_again(problem: Problem, fit: Fit) -> Fit:
     """Return a fit with what it leaves in another problem."""
-    residual = problem.residual(fit.vector)
+    return _leaving(problem, fit, problem.residual(fit.vector))
+
+
+def _leaving(problem: Problem, fit: Fit, residual: FloatArray) -> Fit:
+    """Return a fit that leaves a residual in a problem."""
     soft, _ = soften(residual, problem.soft)
     return replace(fit, residual=residual, cost=float(soft @ soft))
 

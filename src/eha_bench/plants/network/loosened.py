@@ -26,6 +26,8 @@ from eha_bench.plants.plant import Drive, Drives, Parametrised, Plant
 
 _MOMENT = 1e-6
 """Time over which an acceleration is looked at, s."""
+_MOMENTS = "first moments"
+"""What a drive keeps them by."""
 _TRIED = 1e-3
 """Force by which that is changed, in what is usual there."""
 _AWAY = 20.0
@@ -45,9 +47,8 @@ class LoosenedPlant:
     Args:
         plant: as declared. loose: the same with a coupling in the joint. joint: it.
         effort: a usual force (or torque) there, N (or N*m).
-        declared: states of the joint's speed and position in the plant as declared.
-        this, other: the same of both sides in `loose`.
-        beyond: whether sensors that show the joint's motion are on the other side.
+        read: states of the speed and position of the side with the sensors, in both plants.
+        beyond: whether that is the other side.
     """
 
     def __init__(
@@ -56,14 +57,14 @@ class LoosenedPlant:
         loose: Plant,
         joint: RigidJoint,
         effort: float,
-        declared: tuple[str, str],
-        this: tuple[str, str],
-        other: tuple[str, str],
+        read: tuple[str, str],
+        *,
         beyond: bool,
     ) -> None:
         self.plant, self.loose, self.joint = plant, loose, joint
         self._effort = effort
-        self.declared, self.this, self.other, self.beyond = declared, this, other, beyond
+        self.read, self.hidden = read, motions_of(joint.node if beyond else joint.end)
+        self.ahead = 1.0 if beyond else -1.0
         self.bend, self.rate = f"{joint.name}~bend", f"{joint.name}~rate"
         self._from, self._to, self._moved = _same_parameters(plant.layout, loose.layout)
         self._off = loose.layout.defaults()
@@ -197,10 +198,8 @@ class _Loosened(Parametrised):
 
     @property
     def state_places(self) -> Mapping[str, int]:
-        """Declared state -> place in the state vector of the plant that is simulated."""
-        of, places = self._of, self._of.loose.state_places
-        read = dict(zip(of.declared, of.other if of.beyond else of.this, strict=True))
-        return {name: places[read.get(name, name)] for name in of.plant.state_places}
+        """State -> place in the state vector of the plant that is simulated."""
+        return self._of.loose.state_places
 
     @property
     def look_back(self) -> float:
@@ -209,7 +208,8 @@ class _Loosened(Parametrised):
 
     def simulate(self, drive: Drive, initial: Mapping[str, float], step: float) -> FloatArray:
         """Return (n, outputs) in the order of the declared plant's outputs, SI."""
-        return self.simulate_each(Drives((drive,)), (0,), (initial,), step)[0]
+        (start,) = self._starts(Drives((drive,)), (0,), (initial,))
+        return self._loose.simulate(drive, start, step)[:, : self._count]
 
     def simulate_each(
         self,
@@ -256,14 +256,11 @@ class _Loosened(Parametrised):
         The side with the sensors is where the first readings say.
         """
         of = self._of
-        known = (*of.declared, of.bend, of.rate)
-        start = {name: value for name, value in initial.items() if name not in known}
-        speed, position = (initial.get(name, 0.0) for name in of.declared)
-        bend, rate = bend + initial.get(of.bend, 0.0), initial.get(of.rate, 0.0)
-        read, hidden = (of.other, of.this) if of.beyond else (of.this, of.other)
-        sign = 1.0 if of.beyond else -1.0
-        start |= {read[0]: speed, read[1]: position}
-        return start | {hidden[0]: speed + sign * rate, hidden[1]: position + sign * bend}
+        start = {name: initial[name] for name in initial if name not in (of.bend, of.rate)}
+        speed, position = (initial.get(name, 0.0) for name in of.read)
+        rate, bend = initial.get(of.rate, 0.0), bend + initial.get(of.bend, 0.0)
+        start |= {of.hidden[0]: speed + of.ahead * rate, of.hidden[1]: position + of.ahead * bend}
+        return start
 
     def _starts(
         self, drives: Drives, which: Sequence[int], initials: Sequence[Mapping[str, float]]
@@ -271,7 +268,7 @@ class _Loosened(Parametrised):
         """Return the first states at which both sides are accelerated alike."""
         if not initials:
             return []
-        moments = Drives(tuple(_moment(drive) for drive in drives.items))
+        moments = _moments(drives)
         # how the joint is bent beyond that is added to what follows from the forces
         own = (self._of.bend, self._of.rate)
         read = [{name: item[name] for name in item if name not in own} for item in initials]
@@ -306,11 +303,17 @@ class _Loosened(Parametrised):
         return np.array(found)
 
 
-def _moment(drive: Drive) -> Drive:
-    """Return the first moment of a drive, with what was before it."""
-    end = drive.first + 1
-    time = np.append(drive.time[:end], drive.time[end - 1] + _MOMENT)
-    inputs = {
-        name: np.append(column[:end], column[end - 1]) for name, column in drive.inputs.items()
-    }
-    return replace(drive, time=time, inputs=inputs, anchors={})
+def _moments(drives: Drives) -> Drives:
+    """Return the first moment of each drive, cut out once."""
+    kept = drives.laid_out.get(_MOMENTS)
+    if not isinstance(kept, Drives):
+        kept = drives.laid_out[_MOMENTS] = Drives(tuple(map(_first_moment, drives.items)))
+    return kept
+
+
+def _first_moment(drive: Drive) -> Drive:
+    """Return a drive ended a moment after its first tick, with what was before it."""
+    tick = drive.first_tick
+    time = np.append(tick.time, tick.time[-1] + _MOMENT)
+    inputs = {name: np.append(column, column[-1]) for name, column in tick.inputs.items()}
+    return replace(tick, time=time, inputs=inputs, anchors={})

@@ -283,25 +283,19 @@ class NetworkPlant(Plant):
         """Return the plant with a joint of that name that gives way; kept."""
         if (name, beyond) not in self._loose_plants:
             joint = next(item for item in rigid_joints(self.system) if item.name == name)
-            sensors = joint.end if beyond else joint.node
-            loose = NetworkPlant(loosened(self.network, joint, sensors=sensors), self._effects)
+            item = self.system.leader_of(joint.node)
+            names = {place: name for name, place in self.state_places.items()}
+            read = names[item.speed], names[item.position]
+            network = loosened(self.network, joint, joint.end if beyond else joint.node, read)
             self._loose_plants[name, beyond] = LoosenedPlant(
                 self,
-                loose,
+                NetworkPlant(network, self._effects),
                 joint,
-                usual_effort(self.system, self.system.leader_of(joint.node)),
-                self.motion_of(joint.node),
-                loose.motion_of(joint.node),
-                loose.motion_of(joint.end),
-                beyond,
+                usual_effort(self.system, item),
+                read,
+                beyond=beyond,
             )
         return self._loose_plants[name, beyond]
-
-    def motion_of(self, node: str) -> tuple[str, str]:
-        """Return the states of a coordinate's speed and position, by their names."""
-        item = self.system.leader_of(node)
-        names = {place: name for name, place in self.state_places.items()}
-        return names[item.speed], names[item.position]
 
     # --- simulation --------------------------------------------------------------------------
 

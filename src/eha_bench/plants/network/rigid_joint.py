@@ -60,11 +60,7 @@ def rigid_joints(system: System) -> Iterator[RigidJoint]:
                     sum(_own(system, n) + _carried(system, n) for n in here),
                     sum(_own(system, n) + _carried(system, n) for n in beyond),
                 )
-        carried = tuple(
-            (part.name, port)
-            for part, port in _weights(system)
-            if part.element.ports[port] == item.name
-        )
+        carried = tuple((part.name, term.port) for part, term in _weights(system, item.name))
         this = sum(_own(system, n) for n in system.nodes_on(item)) + sum(
             _carried(system, n) for n in system.nodes_on(item) if n != item.name
         )
@@ -84,12 +80,12 @@ def _turned_by(system: System, gear: BoundElement) -> list[str]:
     return [first, *(node for node, chain in system.leaders.items() if first in chain)]
 
 
-def _weights(system: System) -> Iterator[tuple[BoundElement, str]]:
-    """Yield the elements that add inertia to a node, with the port of that node."""
+def _weights(system: System, node: str) -> Iterator[tuple[BoundElement, Inertia]]:
+    """Yield what adds inertia to a node, with its element."""
     for part in system.parts.values():
         for term in part.anatomy.contributions:
-            if isinstance(term, Inertia):
-                yield part, term.port
+            if isinstance(term, Inertia) and part.element.ports[term.port] == node:
+                yield part, term
 
 
 def _own(system: System, node: str) -> float:
@@ -101,27 +97,26 @@ def _own(system: System, node: str) -> float:
 def _carried(system: System, node: str) -> float:
     """Return what elements on a node add at its coordinate, as declared."""
     total = 0.0
-    for part, port in _weights(system):
-        if part.element.ports[port] != node:
-            continue
-        for term in part.anatomy.contributions:
-            if isinstance(term, Inertia) and term.port == port:
-                names = inspect.signature(term.law).parameters
-                values = [system.declared(part.name, name) for name in names]
-                if None not in values:
-                    total += term.law(*values)
+    for part, term in _weights(system, node):
+        names = inspect.signature(term.law).parameters
+        values = [system.declared(part.name, name) for name in names]
+        if None not in values:
+            total += term.law(*values)
     return system.declared_ratio(node) ** 2 * total
 
 
-def loosened(network: Network, joint: RigidJoint, *, sensors: str) -> Network:
+def loosened(
+    network: Network, joint: RigidJoint, sensors: str, declared: tuple[str, str]
+) -> Network:
     """Return a network with an elastic coupling where a joint was taken for rigid.
 
-    What is on the other side moves by itself then, as a node that comes last, and so do channels
-    that show the motion of both sides past every sensor (`motions`).
+    What is on the other side moves by itself then, as a node that comes last. So do channels that
+    show the motion of both sides past every sensor (`motions_of`).
 
     Args:
         network: as declared. joint: in it.
         sensors: the node on whose side the sensors of the joint's node are: that or `joint.end`.
+        declared: states of the speed and position of the joint's node: those of that side now.
     """
     kind = network.nodes[joint.node].kind
     moved: dict[str, dict[str, str]] = {}
@@ -143,8 +138,11 @@ def loosened(network: Network, joint: RigidJoint, *, sensors: str) -> Network:
     }
     motions = {
         channel: (node, quantity)
-        for node in (joint.node, joint.end)
-        for channel, quantity in zip(motions_of(node), QUANTITIES[kind], strict=True)
+        for node, channels in (
+            (sensors, declared),
+            *((node, motions_of(node)) for node in (joint.node, joint.end)),
+        )
+        for channel, quantity in zip(channels, QUANTITIES[kind], strict=True)
     }
     return replace(
         network,
