@@ -14,10 +14,10 @@ from eha_bench.diagnosis.data.dataset import Dataset, Run, Use, load_dataset
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.start_angle import StartAngle
-from eha_bench.diagnosis.data.unmeasured import missing
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.baseline import calibrated_baseline, gather
 from eha_bench.diagnosis.fit.evidence import excess
+from eha_bench.diagnosis.fit.unmeasured import missing
 from eha_bench.diagnosis.replay.first_sample import first_sample, first_state
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.plants.model import Model, load_model

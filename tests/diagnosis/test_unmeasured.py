@@ -12,10 +12,10 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.data.gate import admit
-from eha_bench.diagnosis.data.unmeasured import missing, with_carried_states
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.baseline import gather
 from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.unmeasured import missing, with_carried_states
 from eha_bench.plants.model import load_model
 from eha_bench.plants.network.file import load_plant
 from eha_bench.plants.plant import Drive

@@ -9,6 +9,7 @@ from itertools import groupby
 import numpy as np
 
 from eha_bench.diagnosis.fit.prepared import Prepared
+from eha_bench.diagnosis.fit.readings import Readings
 from eha_bench.plants.plant import Drives
 
 
@@ -18,14 +19,20 @@ class WindowGroup:
 
     Attributes:
         members: numbers of the windows, one after the other. drives: what drives them.
+        readings: what they are compared with.
     """
 
     members: tuple[int, ...]
     drives: Drives
+    readings: Readings
 
 
-def groups_of(parts: Sequence[Prepared], count: int) -> tuple[WindowGroup, ...]:
-    """Return windows in about `count` groups of the same length, in their order."""
+def groups_of(parts: Sequence[Prepared], count: int, width: int) -> tuple[WindowGroup, ...]:
+    """Return windows in about `count` groups of the same length, in their order.
+
+    Args:
+        parts: the windows. count: of groups. width: how many outputs the plant has.
+    """
     ticks = np.cumsum([part.drive.time.size for part in parts])
     shares = [int((count * (end - 1)) // ticks[-1]) for end in ticks]
 
@@ -35,6 +42,10 @@ def groups_of(parts: Sequence[Prepared], count: int) -> tuple[WindowGroup, ...]:
 
     stretches = [tuple(numbers) for _, numbers in groupby(range(len(parts)), key)]
     return tuple(
-        WindowGroup(members, Drives(tuple(parts[k].drive for k in members)))
+        WindowGroup(
+            members,
+            Drives(tuple(parts[k].drive for k in members)),
+            Readings([parts[k] for k in members], width),
+        )
         for members in stretches
     )

@@ -1,11 +1,12 @@
-"""Simulated outputs at the instants at which samples were taken, between the ticks of a simulation.
+"""The instants at which samples were taken, between the ticks of a simulation.
 
-A command acts at a tick, so between two ticks a simulation bends little, and is taken for straight.
+A command acts at a tick, so between two ticks a simulation bends little, and is taken for straight
+(`readings`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,22 +34,6 @@ class Instants:
     names: tuple[str, ...]
     ticks: FloatArray
     first: int
-
-    def read(self, out: FloatArray, lateness: Mapping[str, float]) -> FloatArray:
-        """Return what a simulation gives at the instants, (k,).
-
-        Args:
-            out: (n, outputs) at the ticks. lateness: clock -> s that its stamps are late by.
-        """
-        late = np.array([lateness.get(name, 0.0) for name in self.names])
-        instants = self.stamps - late[self.clocks]
-        after = np.clip(
-            np.searchsorted(self.ticks, instants), self.first + 1, max(self.ticks.size - 1, 1)
-        )
-        begin = self.ticks[after - 1]
-        share = (instants - begin) / (self.ticks[after] - begin)
-        before = out[after - 1, self.columns]
-        return np.asarray(before + share * (out[after, self.columns] - before))
 
 
 def instants_of(

@@ -28,7 +28,6 @@ from scipy.sparse.linalg import spsolve
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.data.start_angle import StartAngle
-from eha_bench.diagnosis.data.unmeasured import missing, with_carried_states
 from eha_bench.diagnosis.data.wander import cosines
 from eha_bench.diagnosis.data.windows import Window, from_another_angle
 from eha_bench.diagnosis.fit import side_by_side
@@ -40,7 +39,9 @@ from eha_bench.diagnosis.fit.instants import instants_of
 from eha_bench.diagnosis.fit.lost_inputs import lost_input_noise
 from eha_bench.diagnosis.fit.own_parameters import places_of
 from eha_bench.diagnosis.fit.prepared import Prepared, best_start
+from eha_bench.diagnosis.fit.readings import Readings, StartBases
 from eha_bench.diagnosis.fit.start_state import starts_of
+from eha_bench.diagnosis.fit.unmeasured import missing, with_carried_states
 from eha_bench.diagnosis.fit.whitening import whitening
 from eha_bench.plants.plant import Drive, Drives, Parametrised, Plant
 
@@ -51,7 +52,6 @@ SLOPES = 3.4e-4
 _HISTORY = 100
 """Ticks of the inputs before a window: a delayed command looks back."""
 _SOFT = 5.0
-_BAD = 1e9
 _LOUD = 10.0
 """Mean square of a window's residual, in that of most, from which it says nothing of the rest."""
 _STANDS_OUT = 1.4
@@ -70,15 +70,20 @@ _HELPS = 0.9
 
 
 @dataclass(frozen=True)
-class _At:
-    """What a run is simulated with.
+class _InRuns:
+    """What runs are simulated with.
 
     Attributes:
-        plant: with the run's parameters. lateness: clock -> s that its stamps are late by.
+        plants: run -> the plant with its parameters.
+        lateness: run -> clock -> s that its stamps are late by.
     """
 
-    plant: Parametrised
-    lateness: Mapping[str, float]
+    plants: Mapping[str, Parametrised]
+    lateness: Mapping[str, Mapping[str, float]]
+
+    def plant_of(self, part: Prepared) -> Parametrised:
+        """Return what a window is simulated with."""
+        return self.plants[part.window.measured.run.name]
 
 
 @dataclass(frozen=True)
@@ -126,6 +131,7 @@ class Problem:
         self.places = places_of(plant.layout, (window.measured for window in windows))
         self._parts = [self._ready(window) for window in windows]
         self._kept_groups: tuple[WindowGroup, ...] | None = None
+        self._kept_bases: dict[tuple[int, ...], StartBases] = {}
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
         self._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         self.size = int(offsets[-1])
@@ -161,6 +167,7 @@ class Problem:
         other._parts = [self._parts[k] for k in keep]
         is_whole = [*keep] == [*range(len(self._parts))]
         other._kept_groups = self._kept_groups if is_whole else None
+        other._kept_bases = {}
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in other._parts])])
         other._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         other.size = int(offsets[-1])
@@ -265,14 +272,14 @@ class Problem:
         self._carry(vector, rough.step)
         in_run = self._in_runs(vector)
         for part in self._parts:
-            rough._look_at_starts(part, in_run(part))
+            rough._look_at_starts(part, in_run.plant_of(part))
         seconds = sum((1 + len(part.starts)) * part.length for part in self._parts)
 
         def linearised(group: WindowGroup) -> list[float]:
-            parts, drives = [self._parts[k] for k in group.members], group.drives
-            slopes = rough._slopes(parts, drives, in_run)
+            parts = [self._parts[k] for k in group.members]
+            slopes = rough._slopes(parts, group.drives, group.readings, in_run)
             return [
-                rough._linearise(part, in_run(part), vector, *own)
+                rough._linearise(part, in_run, vector, *own)
                 for part, own in zip(parts, slopes, strict=True)
             ]
 
@@ -283,27 +290,37 @@ class Problem:
         for k, part in enumerate(self._parts):
             if k not in loud and part.moved is None:
                 continue
-            further += rough._move_start(part, in_run(part))
+            further += rough._move_start(part, in_run)
         if further:
             note_simulated_time(further)
 
-    def _look_at_starts(self, part: Prepared, at: _At) -> None:
+    def _look_at_starts(self, part: Prepared, plant: Parametrised) -> None:
         """Find the states that are uncertain at a window's start."""
         starts = {
             name: spread
             for name, spread in part.window.spread.items()
             if np.isfinite(spread) and spread > 0 and name in self.plant.states
         }
-        starts |= at.plant.hidden
+        starts |= plant.hidden
         if [*starts] != [*part.starts]:
             part.moved = None
         part.starts = starts
 
     def _linearise(
-        self, part: Prepared, at: _At, vector: FloatArray, base: FloatArray, columns: FloatArray
+        self,
+        part: Prepared,
+        in_run: _InRuns,
+        vector: FloatArray,
+        base: FloatArray,
+        columns: FloatArray,
     ) -> float:
         """Take a window's U about its start; return what was simulated beyond its states, s."""
         part.offset = columns @ part.moved if part.moved is not None else None
+        readings = Readings((part,), len(self.plant.outputs))
+
+        def of_drive(drive: Drive) -> FloatArray:
+            return self._of_drive(part, drive, readings, in_run)
+
         further = 0.0
         if (noise := part.window.measured.input_noise) and part.shaken is None:
             part.shaken = input_noise_of(
@@ -311,7 +328,7 @@ class Problem:
                 noise,
                 part.window.measured.colours,
                 vector,
-                lambda drive: self._of_drive(part, drive, at),
+                of_drive,
             )
             further = part.shaken.simulations * part.length
         if (unsure := part.window.measured.unsure) and part.lost is None:
@@ -321,7 +338,7 @@ class Problem:
                 part.window.first - part.drive.first,
                 part.drive.time[part.drive.first + part.pick // part.columns.size],
                 vector,
-                lambda drive: self._of_drive(part, drive, at),
+                of_drive,
             )
             further += part.lost.simulations * part.length
         self._span(part, columns)
@@ -334,15 +351,15 @@ class Problem:
         part.span(np.column_stack([slopes, *part.of_inputs, *zeros]), of_many=bool(zeros))
 
     def _slopes(
-        self, parts: Sequence[Prepared], drives: Drives, in_run: Callable[[Prepared], _At]
+        self, parts: Sequence[Prepared], drives: Drives, readings: Readings, in_run: _InRuns
     ) -> list[tuple[FloatArray, FloatArray]]:
         """Return windows' weighted residuals, and what each uncertain state does to them, (N, k).
 
         Args:
             parts: windows of runs with the same parameters. drives: what drives them.
-            in_run: what a window is simulated with.
+            readings: what they are compared with. in_run: what they are simulated with.
         """
-        plant = in_run(parts[0]).plant
+        plant = in_run.plant_of(parts[0])
         which: list[int] = []
         starts: list[dict[str, float]] = []
         for number, (part, start) in enumerate(
@@ -355,14 +372,13 @@ class Problem:
             ]
             starts += [start, *moved]
             which += [number] * (1 + len(moved))
-        simulated = iter(plant.simulate_each(drives, which, starts, self.step))
+        simulated = plant.simulate_each(drives, which, starts, self.step)
+        windows = np.array(which)
+        left = iter(readings.each(readings.left(simulated, windows, in_run.lateness), windows))
         found = []
         for part in parts:
-            at = in_run(part)
-            base = self._weighted_residual(part, at, next(simulated))
-            moved_by = [
-                self._weighted_residual(part, at, next(simulated)) - base for _ in part.starts
-            ]
+            base = next(left)
+            moved_by = [next(left) - base for _ in part.starts]
             columns = np.array(moved_by).T / 0.2 if moved_by else np.zeros((base.size, 0))
             found.append((base, columns))
         return found
@@ -378,7 +394,7 @@ class Problem:
         loud = np.flatnonzero(means > limits * usual)
         return [*map(int, loud)] if usual < _HOLDS and loud.size <= _FEW * means.size else []
 
-    def _move_start(self, part: Prepared, at: _At) -> float:
+    def _move_start(self, part: Prepared, in_run: _InRuns) -> float:
         """Move a window's start to its best, and take U there; return what was simulated, s.
 
         Its first part tells it first: over many periods of an oscillation there are many minima.
@@ -387,13 +403,13 @@ class Problem:
             return 0.0
         others = np.column_stack([np.zeros((part.pick.size, 0)), *part.of_inputs])
         moved = np.zeros(len(part.starts)) if part.moved is None else part.moved
-        drives = Drives((part.drive,))
-        ((base, slopes),) = self._slopes([part], drives, lambda _: at)
+        drives, readings = Drives((part.drive,)), Readings((part,), len(self.plant.outputs))
+        ((base, slopes),) = self._slopes([part], drives, readings, in_run)
         for share in _HORIZONS:
             rows = part.pick // part.columns.size < share * (part.window.last - part.window.first)
             best, before = best_start(base, slopes, others, moved, rows)
             trial = replace(part, moved=best)
-            ((there, its),) = self._slopes([trial], drives, lambda _: at)
+            ((there, its),) = self._slopes([trial], drives, readings, in_run)
             if best_start(there, its, others, best, rows)[1] < before:
                 moved, base, slopes = best, there, its
         trial = replace(part, moved=moved, offset=slopes @ moved)
@@ -428,7 +444,7 @@ class Problem:
 
     def raw(self, vector: FloatArray) -> FloatArray:
         """Return the weighted residual as it is, start states and all, (size,)."""
-        return np.concatenate(self._each(vector, self._weighted_residual))
+        return np.concatenate(self._left(vector, lambda _, left: left))
 
     def residual(self, vector: FloatArray) -> FloatArray:
         """Return the whitened weighted residual: white, variance 1 where the model is complete.
@@ -436,10 +452,12 @@ class Problem:
         (size,) of the readings, and behind them one of each belief.
         """
 
-        def one(part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
-            return part.white(part.from_start(self._weighted_residual(part, at, simulated)))
+        def white(group: WindowGroup, left: FloatArray) -> FloatArray:
+            return self._bases(group).white(left)
 
-        found = np.concatenate([*self._each(vector, one), believed_residual(self.beliefs, vector)])
+        found = np.concatenate(
+            [*self._left(vector, white), believed_residual(self.beliefs, vector)]
+        )
         return found if self._defect is None else found + self._defect
 
     def with_best_start(self, vector: FloatArray) -> FloatArray:
@@ -447,11 +465,12 @@ class Problem:
 
         The noise of measured inputs is at its best too. Needs `prepare` at this vector.
         """
-
-        def one(part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
-            return part.at_best(part.from_start(self._weighted_residual(part, at, simulated)))
-
-        return self.in_readings(np.concatenate(self._each(vector, one)))
+        left = self.raw(vector)
+        best = [
+            part.at_best(part.from_start(left[rows]))
+            for part, rows in zip(self._parts, self._rows, strict=True)
+        ]
+        return self.in_readings(np.concatenate(best))
 
     def in_readings(self, residual: FloatArray) -> FloatArray:
         """Return what a residual is of each reading, in its noise: the same where that is white."""
@@ -466,45 +485,66 @@ class Problem:
 
         Each is (ticks, outputs of the plant).
         """
-        return self._each(vector, lambda part, _, simulated: simulated[part.drive.first :])
+        in_run = self._in_runs(vector)
 
-    def _in_runs(self, vector: FloatArray) -> Callable[[Prepared], _At]:
-        """Return what gives a window the plant with the parameters that its run has."""
+        def several(group: WindowGroup) -> list[FloatArray]:
+            parts = [self._parts[k] for k in group.members]
+            simulated = self._simulated(group, in_run)
+            return [
+                values[part.drive.first :] for part, values in zip(parts, simulated, strict=True)
+            ]
+
+        return self._of_groups(several)
+
+    def _in_runs(self, vector: FloatArray) -> _InRuns:
+        """Return what windows are simulated with: the plant with the parameters of their runs."""
         late = self.places.lateness(vector)
-        runs = {part.window.measured.run.name: part.window.measured.run for part in self._parts}
+        measured = {part.window.measured.run.name: part.window.measured for part in self._parts}
         layout = self.plant.layout
         shared = self.plant.at(vector[: layout.size])
-        found = {
-            name: self.plant.at(run.vector(layout, vector)) if run.parameters or run.own else shared
-            for name, run in runs.items()
-        }
-        return lambda part: _At(
-            found[part.window.measured.run.name],
-            {**part.window.measured.lateness, **late} if part.instants else late,
+        return _InRuns(
+            {
+                name: self.plant.at(item.run.vector(layout, vector))
+                if item.run.parameters or item.run.own
+                else shared
+                for name, item in measured.items()
+            },
+            {name: {**item.lateness, **late} for name, item in measured.items()},
         )
 
     @property
     def _groups(self) -> tuple[WindowGroup, ...]:
         """Windows that are simulated in one call; a few groups a processor."""
         if self._kept_groups is None:
-            self._kept_groups = groups_of(self._parts, 2 * side_by_side.PROCESSORS)
+            count = 2 * side_by_side.PROCESSORS
+            self._kept_groups = groups_of(self._parts, count, len(self.plant.outputs))
         return self._kept_groups
 
-    def _each(
-        self, vector: FloatArray, function: Callable[[Prepared, _At, FloatArray], T]
-    ) -> list[T]:
-        """Simulate every window, and do something with each and what was simulated, in order."""
+    def _bases(self, group: WindowGroup) -> StartBases:
+        """Return what the start states of a group's windows do."""
+        parts = [self._parts[k] for k in group.members]
+        kept = self._kept_bases.get(group.members)
+        if kept is None or not kept.are_of(parts):
+            kept = self._kept_bases[group.members] = StartBases(parts)
+        return kept
+
+    def _simulated(self, group: WindowGroup, in_run: _InRuns) -> list[FloatArray]:
+        """Return what the sensors read in each window of a group, (ticks, outputs)."""
+        parts = [self._parts[k] for k in group.members]
+        plant = in_run.plant_of(parts[0])
+        starts = self._starts(parts, group.drives, plant)
+        return plant.simulate_each(group.drives, range(len(parts)), starts, self.step)
+
+    def _left(
+        self, vector: FloatArray, function: Callable[[WindowGroup, FloatArray], FloatArray]
+    ) -> list[FloatArray]:
+        """Simulate every group, and do something with its weighted residual, in order."""
         in_run = self._in_runs(vector)
 
-        def several(group: WindowGroup) -> list[T]:
-            parts = [self._parts[k] for k in group.members]
-            plant = in_run(parts[0]).plant
-            starts = self._starts(parts, group.drives, plant)
-            simulated = plant.simulate_each(group.drives, range(len(parts)), starts, self.step)
-            return [
-                function(part, in_run(part), values)
-                for part, values in zip(parts, simulated, strict=True)
-            ]
+        def several(group: WindowGroup) -> list[FloatArray]:
+            every = np.arange(len(group.members))
+            left = group.readings.left(self._simulated(group, in_run), every, in_run.lateness)
+            return [function(group, left)]
 
         return self._of_groups(several)
 
@@ -586,22 +626,14 @@ class Problem:
                         start[name] = start.get(name, 0.0) + float(z) * spread
         return starts
 
-    def _of_drive(self, part: Prepared, drive: Drive, at: _At) -> FloatArray:
+    def _of_drive(
+        self, part: Prepared, drive: Drive, readings: Readings, in_run: _InRuns
+    ) -> FloatArray:
         """Return a window's weighted residual under another drive, (N,)."""
-        (start,) = self._starts([part], Drives((drive,)), at.plant)
-        return self._weighted_residual(part, at, at.plant.simulate(drive, start, self.step))
-
-    def _weighted_residual(self, part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
-        """Return the weighted residual of a window of which this was simulated, (N,)."""
-        out = simulated.ravel()[part.places]
-        if part.instants is not None:
-            out[part.instants.rows] = part.instants.read(simulated, at.lateness)
-        out /= part.scale
-        difference = np.subtract(part.target, out, out=out)
-        if not np.abs(difference).max(initial=0.0) <= _BAD:
-            difference = np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD)
-            difference = np.clip(difference, -_BAD, _BAD)
-        return difference if part.whitening is None else part.whitening @ difference
+        plant = in_run.plant_of(part)
+        (start,) = self._starts([part], Drives((drive,)), plant)
+        simulated = plant.simulate(drive, start, self.step)
+        return readings.left([simulated], np.zeros(1, dtype=np.intp), in_run.lateness)
 
 
 @cache

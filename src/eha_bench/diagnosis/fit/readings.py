@@ -1,0 +1,274 @@
+"""What simulations leave of the readings of many windows, by one call of compiled code.
+
+r = W (measured - simulated) / noise, with W the filter of noise that remembers (`whitening`), and
+C^(-1/2) of it (`prepared`): a fit asks for both of hundreds of short windows, thousands of times,
+and window by window the interpreter takes longer than the equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
+from eha_bench.diagnosis.fit.prepared import Prepared
+from eha_bench.plants.compiled import njit
+
+_BAD = 1e9
+"""Largest weighted residual: a simulation that runs away counts as this much."""
+
+
+class _Simulations(NamedTuple):
+    """Simulations, one behind the other.
+
+    Attributes:
+        values: as the sensors read. begins: (n + 1,) where each begins there.
+        which: (n,) window of each. ends: (n + 1,) where the residual of each begins.
+    """
+
+    values: FloatArray
+    begins: IndexArray
+    which: IndexArray
+    ends: IndexArray
+
+
+class _Between(NamedTuple):
+    """What was read between ticks (`instants`), window by window.
+
+    Attributes:
+        edges: (windows + 1,) where those of each window begin. rows: within it.
+        columns, stamps, clocks: of each reading. tick_edges: where each window's ticks begin.
+        ticks: s. firsts: (windows,) tick at which a window begins.
+    """
+
+    edges: IndexArray
+    rows: IndexArray
+    columns: IndexArray
+    stamps: FloatArray
+    clocks: IndexArray
+    tick_edges: IndexArray
+    ticks: FloatArray
+    firsts: IndexArray
+
+
+class _Filters(NamedTuple):
+    """Filters of noise that remembers, as a sparse matrix keeps its rows.
+
+    Attributes:
+        remembers: (windows,) whether a window's does. edges: where the row of each reading begins.
+        neighbours: columns, counted within a window. factors: what they are taken times.
+    """
+
+    remembers: BoolArray
+    edges: IndexArray
+    neighbours: IndexArray
+    factors: FloatArray
+
+
+class Readings:
+    """The readings of some windows, one window behind the other.
+
+    Args:
+        parts: the windows. width: how many outputs the plant has.
+    """
+
+    def __init__(self, parts: Sequence[Prepared], width: int) -> None:
+        self._width = width
+        self._rows = _edges([part.pick.size for part in parts])
+        self._places = _joined([part.places for part in parts], np.intp)
+        self._target = _joined([part.target for part in parts], np.float64)
+        self._scale = _joined([part.scale for part in parts], np.float64)
+        self._instants = [part.instants for part in parts]
+        self._runs = [part.window.measured.run.name for part in parts]
+        self._between = self._between_ticks()
+        self._filters = _filters_of(parts)
+
+    def left(
+        self,
+        simulated: Sequence[FloatArray],
+        which: IndexArray,
+        lateness: Mapping[str, Mapping[str, float]],
+    ) -> FloatArray:
+        """Return the weighted residuals of some simulations, one behind the other, (N,).
+
+        Args:
+            simulated: (ticks, outputs) of each, as the sensors read. which: (n,) window of each.
+            lateness: run -> clock -> s that its stamps are late by.
+        """
+        ends = _edges(np.diff(self._rows)[which])
+        left = np.empty(int(ends[-1]))
+        values = np.concatenate([item.ravel() for item in simulated])
+        simulations = _Simulations(values, _edges([item.size for item in simulated]), which, ends)
+        _left_of_each(
+            simulations, self._width, self._rows, self._places, self._target, self._scale,
+            self._between, self._late(lateness), self._filters, left,
+        )  # fmt: skip
+        return left
+
+    def each(self, left: FloatArray, which: IndexArray) -> list[FloatArray]:
+        """Return the residual of each simulation, of all as `left` returns them."""
+        return np.split(left, _edges(np.diff(self._rows)[which])[1:-1])
+
+    def _late(self, lateness: Mapping[str, Mapping[str, float]]) -> FloatArray:
+        """Return how late each window's clocks are, s, (windows, clocks)."""
+        names = [() if item is None else item.names for item in self._instants]
+        late = np.zeros((len(names), max(map(len, names), default=0)))
+        for row, (run, own) in enumerate(zip(self._runs, names, strict=True)):
+            for place, name in enumerate(own):
+                late[row, place] = lateness[run].get(name, 0.0)
+        return late
+
+    def _between_ticks(self) -> _Between:
+        there = [item for item in self._instants if item is not None]
+        return _Between(
+            _edges([0 if item is None else item.rows.size for item in self._instants]),
+            _joined([item.rows for item in there], np.intp),
+            _joined([item.columns for item in there], np.intp),
+            _joined([item.stamps for item in there], np.float64),
+            _joined([item.clocks for item in there], np.intp),
+            _edges([0 if item is None else item.ticks.size for item in self._instants]),
+            _joined([item.ticks for item in there], np.float64),
+            np.array([0 if item is None else item.first for item in self._instants], dtype=np.intp),
+        )
+
+
+def _filters_of(parts: Sequence[Prepared]) -> _Filters:
+    own = [part.whitening for part in parts if part.whitening is not None]
+    sizes = [
+        np.zeros(part.pick.size) if part.whitening is None else np.diff(part.whitening.indptr)
+        for part in parts
+    ]
+    return _Filters(
+        np.array([part.whitening is not None for part in parts], dtype=np.bool_),
+        _edges(np.concatenate(sizes)),
+        _joined([item.indices for item in own], np.intp),
+        _joined([item.data for item in own], np.float64),
+    )
+
+
+class StartBases:
+    """What starts, inputs' noise and wandering zeros do to some windows, one behind the other.
+
+    Args:
+        parts: the windows, prepared.
+    """
+
+    def __init__(self, parts: Sequence[Prepared]) -> None:
+        self._of = [(part.basis, part.offset) for part in parts]
+        self._rows = _edges([part.pick.size for part in parts])
+        self._sizes = _edges([part.shrink.size for part in parts])
+        self._begins = _edges([part.basis.size for part in parts])
+        self._shrink = _joined([part.shrink for part in parts], np.float64)
+        self._basis = _joined([part.basis.T.ravel() for part in parts], np.float64)
+        moved = [(k, part.offset) for k, part in enumerate(parts) if part.offset is not None]
+        self._moved = [(slice(self._rows[k], self._rows[k + 1]), offset) for k, offset in moved]
+
+    def are_of(self, parts: Sequence[Prepared]) -> bool:
+        """Whether these windows have not been prepared again."""
+        return all(
+            part.basis is basis and part.offset is offset
+            for part, (basis, offset) in zip(parts, self._of, strict=True)
+        )
+
+    def white(self, residual: FloatArray) -> FloatArray:
+        """Return C^(-1/2) of the windows' residual, from their measured starts, (N,)."""
+        out = residual.copy()
+        for rows, offset in self._moved:
+            out[rows] -= offset
+        _whiten_each(self._rows, self._sizes, self._begins, self._basis, self._shrink, out)
+        return out
+
+
+def _edges(sizes: Any) -> IndexArray:
+    return np.concatenate(([0], np.cumsum(sizes))).astype(np.intp)
+
+
+def _joined(items: Sequence[Any], kind: Any) -> Any:
+    return np.concatenate([np.zeros(0, kind), *items]).astype(kind, copy=False)
+
+
+@njit(cache=True, nogil=True)
+def _left_of_each(
+    simulations: _Simulations,
+    width: int,
+    rows: IndexArray,
+    places: IndexArray,
+    target: FloatArray,
+    scale: FloatArray,
+    between: _Between,
+    late: FloatArray,
+    filters: _Filters,
+    left: FloatArray,
+) -> None:
+    """Write the weighted residuals of simulations to `left`.
+
+    Args:
+        simulations: with their windows. width: how many outputs a tick has.
+        rows: (windows + 1,) where each window's readings begin. places: in a simulation.
+        target, scale: of readings. between: those between ticks. late: (windows, clocks) s.
+        filters: of noise that remembers. left: (N,) written.
+    """
+    values, ends = simulations.values, simulations.ends
+    own = np.empty(np.max(np.diff(ends)))
+    for n in range(simulations.which.size):
+        w, begin = simulations.which[n], simulations.begins[n]
+        first, count = rows[w], rows[w + 1] - rows[w]
+        for r in range(count):
+            own[r] = values[begin + places[first + r]]
+        here, there = between.tick_edges[w], between.tick_edges[w + 1]
+        for k in range(between.edges[w], between.edges[w + 1]):
+            instant = between.stamps[k] - late[w, between.clocks[k]]
+            after = np.searchsorted(between.ticks[here:there], instant)
+            after = min(max(after, between.firsts[w] + 1), max(there - here - 1, 1))
+            earlier = between.ticks[here + after - 1]
+            share = (instant - earlier) / (between.ticks[here + after] - earlier)
+            at = begin + (after - 1) * width + between.columns[k]
+            own[between.rows[k]] = values[at] + share * (values[at + width] - values[at])
+        for r in range(count):
+            difference = target[first + r] - own[r] / scale[first + r]
+            if not abs(difference) <= _BAD:
+                difference = -_BAD if difference < 0.0 else _BAD
+            own[r] = difference
+        out = left[ends[n] : ends[n + 1]]
+        if filters.remembers[w]:
+            for r in range(count):
+                out[r] = 0.0
+                for k in range(filters.edges[first + r], filters.edges[first + r + 1]):
+                    out[r] += filters.factors[k] * own[filters.neighbours[k]]
+        else:
+            out[:] = own[:count]
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _whiten_each(
+    rows: IndexArray,
+    sizes: IndexArray,
+    begins: IndexArray,
+    basis: FloatArray,
+    shrink: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Take U (s U' r) from the residual r of every window.
+
+    Args:
+        rows: (windows + 1,) where each window's residual begins. sizes: where its `shrink` does.
+        begins: where its U does. basis: U of all, column by column. shrink: s of all.
+        out: (N,) changed.
+    """
+    for w in range(rows.size - 1):
+        residual = out[rows[w] : rows[w + 1]]
+        count = residual.size
+        columns = sizes[w + 1] - sizes[w]
+        shares = np.empty(columns)
+        for j in range(columns):
+            column = basis[begins[w] + j * count : begins[w] + (j + 1) * count]
+            along = 0.0
+            for r in range(count):
+                along += column[r] * residual[r]
+            shares[j] = along * shrink[sizes[w] + j]
+        for j in range(columns):
+            column = basis[begins[w] + j * count : begins[w] + (j + 1) * count]
+            for r in range(count):
+                residual[r] -= shares[j] * column[r]
