@@ -107,6 +107,20 @@ class Drives:
         return kept
 
 
+@dataclass(frozen=True)
+class ElasticPair:
+    """States of two parts with a spring between them.
+
+    Attributes:
+        positions: states of both. rates: states of their rates, in the same order.
+        force: channel that shows the spring's force, "" for none.
+    """
+
+    positions: tuple[str, str]
+    rates: tuple[str, str]
+    force: str
+
+
 class Parametrised:
     """A plant with its parameters set: what depends on them alone is looked up once.
 
@@ -125,6 +139,18 @@ class Parametrised:
         Args and result are those of `Plant.simulate`.
         """
         return self.plant.simulate(self.vector, drive.starting(initial), step)
+
+    def simulate_to_end(
+        self, drive: Drive, initial: Mapping[str, float], step: float
+    ) -> tuple[FloatArray, dict[str, float]]:
+        """Return what `simulate` does, and the states at the end of it: name -> SI.
+
+        Where a plant does not tell, the states are those that its sensors read.
+        """
+        out = self.simulate(drive, initial, step)
+        outputs = enumerate(self.plant.outputs)
+        read = {name: float(out[-1, k]) for k, name in outputs if name in self.plant.states}
+        return out, read
 
     def simulate_each(
         self,
@@ -390,6 +416,16 @@ class Plant:
         vector: FloatArray,
     ) -> Mapping[str, float]:
         """Return the states that are not 0 at rest, SI: a pressure that the oil is charged to."""
+        return {}
+
+    @property
+    def elastic_pairs(self) -> tuple[ElasticPair, ...]:
+        """Pairs of parts that a spring joins, and so move nearly alike."""
+        return ()
+
+    @property
+    def charged_by(self) -> Mapping[str, str]:
+        """Pressures that nothing tells of at rest -> key of what each is charged to."""
         return {}
 
     def command_limit(

@@ -123,8 +123,10 @@ def _rested(readings: Mapping[str, float], measured: Measured) -> dict[str, floa
 def _assumption(name: str, state: Mapping[str, float], model: Model) -> str:
     """Say at what a state begins that no reading tells."""
     plant = model.plant
-    rest = _rest_pressure(model) if name in plant.roles.pressures else 0.0
-    value = {name: rest, **plant.at_rest(state), **state}[name]
+    rest = {**dict.fromkeys(plant.states, 0.0), **plant.rest(model.vector())}
+    if (charge := _charge_pressure(model)) is not None:
+        rest |= dict.fromkeys(plant.roles.pair, charge)
+    value = {**rest, **plant.at_rest(state), **state}[name]
     return f"{name} at {_amount(name, value, plant)}"
 
 

@@ -20,13 +20,19 @@ def places_of_states(system: System) -> dict[str, int]:
     Signals that may be imposed come behind the states.
     """
     shown, found = system.shown, {}
+    taken = {*shown.values(), *(column.channel for column in system.columns)}
+
+    def unshown(node: str, quantity: str) -> str:
+        name = f"{node}_{quantity}"
+        return f"{node}.{quantity}" if name in taken else name  # a channel shows another node so
+
     for item in system.coordinates:
         turning = item.node.kind is NodeKind.ROTATION
         names = ("speed", "angle") if turning else ("velocity", "position")
         for place, name in zip((item.speed, item.position), names, strict=True):
-            found[shown.get(place, f"{item.name}_{name}")] = place
+            found[shown.get(place) or unshown(item.name, name)] = place
     for volume in system.volumes:
-        found[shown.get(volume.pressure, f"{volume.name}_pressure")] = volume.pressure
+        found[shown.get(volume.pressure) or unshown(volume.name, "pressure")] = volume.pressure
     for number, (channel, _) in enumerate(imposable_signals(system)):
         found[channel] = system.size + number
     return found

@@ -208,8 +208,15 @@ class _Loosened(Parametrised):
 
     def simulate(self, drive: Drive, initial: Mapping[str, float], step: float) -> FloatArray:
         """Return (n, outputs) in the order of the declared plant's outputs, SI."""
+        return self.simulate_to_end(drive, initial, step)[0]
+
+    def simulate_to_end(
+        self, drive: Drive, initial: Mapping[str, float], step: float
+    ) -> tuple[FloatArray, dict[str, float]]:
+        """Return what `simulate` does, and the states at its end."""
         (start,) = self._starts(Drives((drive,)), (0,), (initial,))
-        return self._loose.simulate(drive, start, step)[:, : self._count]
+        out, ends = self._loose.simulate_to_end(drive, start, step)
+        return out[:, : self._count], ends
 
     def simulate_each(
         self,

@@ -35,7 +35,7 @@ from eha_bench.plants.network.rigid_joint import loosened, rigid_joints
 from eha_bench.plants.network.roles import refuse_unknown_roles, roles_of, usual_effort
 from eha_bench.plants.network.source import kernel_source
 from eha_bench.plants.network.system import BoundElement, System
-from eha_bench.plants.plant import Drive, Drives, Parametrised, Plant
+from eha_bench.plants.plant import Drive, Drives, ElasticPair, Parametrised, Plant
 
 _WORTH_A_BLOCK = 3
 """Least number of sets that a sweep in step gains on."""
@@ -681,15 +681,33 @@ class NetworkPlant(Plant):
                         pairs.append((one, two))
         return tuple(pairs)
 
-    def rest(self, vector: FloatArray) -> Mapping[str, float]:
-        """Return the pressures at rest, by channel, Pa."""
+    @cached_property
+    def _resting_at(self) -> Mapping[str, str]:
+        """Pressures -> key of the parameter that each rests at."""
         names = {place: name for name, place in self.state_places.items()}
         return {
-            names[volume.pressure]: float(
-                vector[self.system.index[self.system.slot_of[f"{volume.name}.pressure"]]]
-            )
+            names[volume.pressure]: self.system.slot_of[f"{volume.name}.pressure"]
             for volume in self.system.volumes
         }
+
+    @cached_property
+    def charged_by(self) -> Mapping[str, str]:
+        """Pressures -> key of the parameter that each is charged to.
+
+        That of a closed circuit's reservoir follows from how much oil the circuit holds.
+        """
+        volumes = self.system.volume_of
+        follow = {volumes[part.element.ports["on"]].pressure for part, _ in self._closed_circuits}
+        return {
+            name: key
+            for name, key in self._resting_at.items()
+            if self.state_places[name] not in follow
+        }
+
+    def rest(self, vector: FloatArray) -> Mapping[str, float]:
+        """Return the pressures at rest, by channel, Pa."""
+        index = self.system.index
+        return {name: float(vector[index[key]]) for name, key in self._resting_at.items()}
 
     def command_limit(self, vector: FloatArray) -> float:
         """Return the largest command that the plant follows, SI, either way."""
@@ -812,6 +830,19 @@ class NetworkPlant(Plant):
             )  # fmt: skip
         return tuple(found)
 
+    @cached_property
+    def elastic_pairs(self) -> tuple[ElasticPair, ...]:
+        """Pairs of parts that a spring joins, and so move nearly alike."""
+        rate_of = self.roles.rate_of
+        return tuple(
+            ElasticPair(
+                (joint.first, joint.second),
+                (rate_of[joint.first], rate_of[joint.second]),
+                joint.force,
+            )
+            for joint in self._elastic_joints
+        )
+
     def through_parts(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:
         """Return states that readings of other parts tell of.
 
@@ -915,6 +946,12 @@ class _Fastest(Parametrised):
 
     def simulate(self, drive: Drive, initial: Mapping[str, float], step: float) -> FloatArray:
         """Return (n, outputs) in the order of the plant's outputs, SI."""
+        return self.simulate_to_end(drive, initial, step)[0]
+
+    def simulate_to_end(
+        self, drive: Drive, initial: Mapping[str, float], step: float
+    ) -> tuple[FloatArray, dict[str, float]]:
+        """Return (n, outputs) in the order of the plant's outputs, and the states at its end."""
         plant = self.plant
         inputs = plant.inputs_of(drive, self.vector)
         out = np.empty((inputs.time.size, len(plant.outputs)))
@@ -937,7 +974,8 @@ class _Fastest(Parametrised):
             for place, series in anchors.items():
                 if math.isfinite(here := series[np.searchsorted(inputs.ticks, end)]):
                     state[place] = here
-        return out if inputs.period == 0.0 else out[inputs.ticks]
+        ends = {name: float(state[place]) for name, place in plant.state_places.items()}
+        return (out if inputs.period == 0.0 else out[inputs.ticks]), ends
 
     def simulate_each(
         self,
