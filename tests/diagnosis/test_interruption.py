@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,10 @@ from drive_data import write_drive
 
 from eha_bench.cli.main import main
 from eha_bench.core.workers import Processes
+from eha_bench.diagnosis.conclusion import Conclusion
 from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.plants.model import load_model
@@ -181,3 +185,23 @@ def test_where_results_cannot_go_is_said_before_the_work(
         main()
     assert left.value.code == 2
     assert "file: is a file; name a folder with --out" in capsys.readouterr().err
+
+
+def test_an_effect_that_was_on_trial_is_not_named() -> None:
+    """Both of a pair stand in the search while they are compared."""
+    trial = SimpleNamespace(comparison=NOT_COMPARED)
+    search = SimpleNamespace(
+        accepted=[trial],
+        effects=(),
+        fit="with it",
+        base="without",
+        excess_left="little",
+        excess_base=SimpleNamespace(significance=50.0),
+        thresholds=DEFAULT,
+    )
+    conclusion = object.__new__(Conclusion)
+    conclusion.search = search
+    decision = conclusion._decision_so_far()
+    assert (search.accepted, search.fit) == ([], "without")
+    assert decision.verdict is Verdict.UNKNOWN
+    assert "before any cause had stood its test" in decision.notes[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,9 +16,11 @@ from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.baseline import gather
+from eha_bench.diagnosis.fit.candidates import effect_starts
 from eha_bench.diagnosis.fit.own_parameters import with_own
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.unmeasured import missing, with_carried_states
+from eha_bench.diagnosis.search.state import _is_of_unread_sensor
 from eha_bench.plants.model import Model, load_model
 from eha_bench.plants.network.file import load_plant
 from eha_bench.plants.plant import Drive
@@ -64,12 +67,12 @@ def test_a_chamber_without_a_sensor_begins_where_the_simulation_has_it(model, tr
     found = with_carried_states(model.plant, model.vector(), windows, STEP)
     true = truth[2][:, model.plant.outputs.index("pressure_b")]
     for window in found:
-        error = abs(window.initial["pressure_b"] - true[window.first])
+        error = abs(window.carried["pressure_b"] - true[window.first])
         assert error < 0.02 * np.ptp(true)
         assert error < window.spread["pressure_b"] < np.ptp(true)
     # a window alone is reached from the run's beginning
     (last,) = with_carried_states(model.plant, model.vector(), windows[2:], STEP)
-    assert abs(last.initial["pressure_b"] - true[1000]) < last.spread["pressure_b"]
+    assert abs(last.carried["pressure_b"] - true[1000]) < last.spread["pressure_b"]
 
 
 def test_the_right_model_leaves_nothing_though_a_sensor_is_dead(model, truth) -> None:
@@ -149,18 +152,26 @@ channels: {piston_position: piston.position}
 ARM_NOISE = {"piston_position": 2e-6}
 
 
-def _arm(tmp_path: Path, own: tuple[str, ...] = ()) -> tuple[Model, Measured]:
-    """A cylinder of which only the position is read, logged from within a motion."""
-    (tmp_path / "arm.yaml").write_text(ARM)
+def _arm(
+    tmp_path: Path,
+    own: tuple[str, ...] = (),
+    text: str = ARM,
+    noise: Mapping[str, float] = ARM_NOISE,
+) -> tuple[Model, Measured]:
+    """A cylinder of which only some channels are read, logged from within a motion."""
+    (tmp_path / "arm.yaml").write_text(text)
     model = load_model(tmp_path / "arm.yaml")
     plant = model.plant
     time = np.arange(1800) * 1e-3
-    command = 4.0 * np.sin(2 * np.pi * 1.5 * time)
+    command = 1.5 * np.sin(2 * np.pi * 1.5 * time)
     drive = Drive(time, {"valve_command": command}, {})
     out = plant.simulate(model.vector(), drive, STEP)[600:]
-    position = out[:, plant.outputs.index("piston_position")]
-    position = position + np.random.default_rng(1).normal(0.0, 2e-6, position.size)
-    reading = Recording(time[:1200], {"valve_command": command[600:], "piston_position": position})
+    rng = np.random.default_rng(1)
+    read = {
+        name: out[:, plant.outputs.index(name)] + rng.normal(0.0, level, 1200)
+        for name, level in noise.items()
+    }
+    reading = Recording(time[:1200], {"valve_command": command[600:], **read})
     run = Run("log", Path("log.mcap"), None, False, False, Use.TRAIN, lambda: reading)
     run = with_own(plant.layout, [run], own)[0]
     return model, admit(run, reading, ["valve_command"], plant.outputs, roles=plant.roles)
@@ -185,3 +196,39 @@ def test_a_first_pressure_that_a_run_has_for_its_own_is_left_to_it(tmp_path) -> 
     assert "cap_pressure" not in missing(plant, windows[0])
     assert "rodside_pressure" in missing(plant, windows[0])
     assert "cap_pressure" in missing(plant, windows[1])
+
+
+def test_a_sensor_that_no_log_has_is_no_cause(tmp_path) -> None:
+    shown = ARM.replace("{piston_position:", "{cap_pressure: cap.pressure, piston_position:")
+    model, measured = _arm(tmp_path, text=shown)
+    effect = model.plant.layout.effect("pressure_sensor_offset")
+    windows = [window_at(measured, k, k + 150, ARM_NOISE) for k in range(0, 1200, 150)]
+    problem = Problem(model.plant, windows, ARM_NOISE, STEP)
+    (start, *_) = effect_starts(model.plant.layout, effect)
+    assert _is_of_unread_sensor(problem, start)
+    problem.noise["cap_pressure"] = 1e4
+    assert not _is_of_unread_sensor(problem, start)
+
+
+CELL = """\
+  rod_end:  {kind: translation, mass: 20 kg}
+elements:
+  cell:     {kind: load_cell, between: [piston, rod_end], stiffness: 20 kN/mm, damping: 200 N*s/m}
+"""
+
+
+def test_a_window_begins_with_the_force_that_a_load_cell_reads(tmp_path) -> None:
+    text = ARM.replace("elements:\n", CELL).replace(
+        "{piston_position: piston.position}",
+        "{rod_force: cell.force, rod_end_position: rod_end.position}",
+    )
+    noise = {"rod_force": 2.0, "rod_end_position": 2e-6}
+    model, measured = _arm(tmp_path, text=text, noise=noise)
+    windows = [window_at(measured, k, k + 150, noise) for k in range(0, 1200, 150)]
+    for window in windows:
+        unread = missing(model.plant, window)
+        assert {"piston_position", "cap_pressure"} <= {*unread}
+    vector = model.vector()
+    problem = Problem(model.plant, windows, noise, STEP)
+    problem.prepare(vector)
+    assert np.sqrt(np.mean(problem.residual(vector) ** 2)) < 1.5

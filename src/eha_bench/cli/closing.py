@@ -88,7 +88,7 @@ def calibrate(
         estimates |= {f"{name} in {run}": item for name, item in own.items()}
     why = no_interval(found.convergence)
     for cells in columns(
-        [(name, *_estimate(item, why)) for name, item in estimates.items()], right=(1,)
+        [(name, *_estimate(name, item, why)) for name, item in estimates.items()], right=(1,)
     ):
         say("  ".join(cells).rstrip())
     for direction in found.undetermined:
@@ -156,7 +156,7 @@ def _say_verdict(found: Diagnosis) -> None:
     why = no_interval(found.convergence)
     for effect in found.effects:
         values = ", ".join(
-            f"{key} = {' '.join(_estimate(v, why))}" for key, v in effect.parameters.items()
+            f"{key} = {' '.join(_estimate(key, v, why))}" for key, v in effect.parameters.items()
         )
         place = f", at {effect.at}" if effect.at else ""
         place = ", everywhere" if effect.at == EVERYWHERE else place
@@ -202,11 +202,11 @@ def _say_errors(
         say("  ".join(cells).replace("\N{NO-BREAK SPACE}", " "))
 
 
-def _estimate(item: Estimate, why: str = "") -> tuple[str, str]:
+def _estimate(name: str, item: Estimate, why: str = "") -> tuple[str, str]:
     """Return a value with its unit, and its interval, or why there is none, as the page has it."""
     from eha_bench.report.diagnosis_text import parameter_row
 
-    row = parameter_row("", item, why=why)
+    row = parameter_row(name, item, why=why)
     return row.value.replace("\N{NO-BREAK SPACE}", " "), f"({row.interval})"
 
 

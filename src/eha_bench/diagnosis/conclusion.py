@@ -174,6 +174,11 @@ class Conclusion:
 
     def _decision_so_far(self) -> Decision:
         note = "interrupted during the search: it names the causes found until then"
+        if not all(self.search.thresholds.allow(item.comparison) for item in self.search.accepted):
+            # one was still on trial, and the fit holds it
+            self.search.accepted, self.search.fit = [], self.search.base
+            self.search.excess_left = self.search.excess_base
+            note = "interrupted during the search, before any cause had stood its test"
         verdict = Verdict.EFFECT if self.search.effects else Verdict.UNKNOWN
         if self.search.excess_base.significance < _NOTHING:
             verdict = Verdict.NONE

@@ -52,9 +52,10 @@ class Window:
     Attributes:
         measured: the run.
         first, last: ticks, last exclusive.
-        initial: channel -> state at the start, SI.
+        initial: channel -> what its sensor reads at the start, SI.
         spread: channel -> standard deviation of that state, SI; those without are exact.
         noise: channel -> standard deviation of its noise, SI.
+        carried: state -> where a simulation brought it, SI, of states that nothing reads.
     """
 
     measured: Measured
@@ -63,6 +64,7 @@ class Window:
     initial: Mapping[str, float]
     spread: Mapping[str, float]
     noise: Mapping[str, float] = field(default_factory=dict)
+    carried: Mapping[str, float] = field(default_factory=dict)
 
 
 def cut_windows(

@@ -37,6 +37,10 @@ _COUNTED = 0.01
 _CONCERNED = 0.03
 _FURTHEST = 8.0
 """Size of a residual beyond which it counts as one of that size, in the noise."""
+_FEW_READINGS = 60
+"""Readings of a stretch that do not tell its noise."""
+_QUIETER = 0.5
+"""Root mean square of a channel's residual, in its noise, from which that was taken too large."""
 _GAP = np.array([np.nan])
 SOFT_MEAN = _soft_mean()
 """Mean soft-L1 cost of one residual that is standard normal noise."""
@@ -47,16 +51,19 @@ def refined_noise(
 ) -> dict[str, float]:
     """Return the noise of each channel, estimated from a residual instead of the raw signal.
 
-    What is smooth in the signal but not over four samples is mostly gone from the residual.
+    What is smooth in the signal but not over four samples is mostly gone from the residual. Noise
+    is no louder than what is left of a channel: one that is read slowly, and jumps, looks louder.
     """
     names = problem.plant.outputs
+    most = _rms_by_channel(problem, residual)
+    short = _read_in_short_windows(problem, residual)
     steps = _steps(problem)
     found: dict[int, list[tuple[float, int]]] = {}
     for channel, part in _stretches(problem, residual):
         name = names[channel]
         level = noise_of(part, steps.get(name, 0.0) / noise[name])
         size = int(np.isfinite(part).sum())
-        if np.isfinite(level) and size > 60:
+        if np.isfinite(level) and size > _FEW_READINGS:
             found.setdefault(channel, []).append((level, size))
     out = dict(noise)
     for channel, items in found.items():
@@ -65,10 +72,32 @@ def refined_noise(
         order = np.argsort(levels)
         cumulative = np.cumsum(sizes[order]) / sizes.sum()
         middle = float(levels[order][np.searchsorted(cumulative, 0.5)])
-        # below half or above twice the first estimate something else than noise is at work
-        level = noise[names[channel]] * float(np.clip(middle, 0.5, 2.0))
+        least, greatest = 0.5, 2.0  # beyond these something else than noise is at work
+        if most[channel] < _QUIETER:
+            least, greatest = 0.0, 1.0
+        elif channel in short:
+            least = greatest = 1.0
+        level = noise[names[channel]] * float(np.clip(middle, least, greatest))
         out[names[channel]] = max(level, noise_of_step(steps.get(names[channel], 0.0)))
     return out
+
+
+def _read_in_short_windows(problem: Problem, residual: FloatArray) -> set[int]:
+    """Return channels, by number, of which no window has readings enough to tell their noise."""
+    longest: dict[int, int] = {}
+    for _, channel, part in _by_channel(problem, residual):
+        longest[channel] = max(longest.get(channel, 0), part.size)
+    return {channel for channel, size in longest.items() if size <= _FEW_READINGS}
+
+
+def _rms_by_channel(problem: Problem, residual: FloatArray) -> dict[int, float]:
+    """Return what is left of each channel, by its number, in its noise."""
+    squares: dict[int, list[FloatArray]] = {}
+    for _, channel, part in _by_channel(problem, residual):
+        squares.setdefault(channel, []).append(part[np.isfinite(part)] ** 2)
+    return {
+        channel: float(np.sqrt(np.mean(np.concatenate(own)))) for channel, own in squares.items()
+    }
 
 
 def _steps(problem: Problem) -> dict[str, float]:
@@ -82,14 +111,14 @@ def _steps(problem: Problem) -> dict[str, float]:
 
 
 def _stretches(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, FloatArray]]:
-    """Yield channels with their residual in each window, or in each run that is cut into many.
+    """Yield channels with their residual in each window, or in a run that is cut into short ones.
 
     Between the windows of a run stands NaN: they hang together no more than across a gap.
     """
     cut: dict[tuple[str, int], list[FloatArray]] = {}
     for window, channel, part in _by_channel(problem, residual):
         measured = problem.windows[window].measured
-        if measured.input_noise:
+        if measured.input_noise or part.size <= _FEW_READINGS:
             cut.setdefault((measured.run.name, channel), []).extend((part, _GAP))
         else:
             yield channel, part

@@ -618,7 +618,9 @@ class Problem:
         self, parts: Sequence[Prepared], drives: Drives, plant: Parametrised
     ) -> list[dict[str, float]]:
         """Return where windows start that are simulated with the same parameters."""
-        starts = starts_of(plant, drives, [part.window.initial for part in parts])
+        windows = [part.window for part in parts]
+        read, carried = [item.initial for item in windows], [item.carried for item in windows]
+        starts = starts_of(plant, drives, read, carried)
         for part, start in zip(parts, starts, strict=True):
             if part.moved is not None:
                 for (name, spread), z in zip(part.starts.items(), part.moved, strict=True):

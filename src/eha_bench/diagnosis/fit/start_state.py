@@ -3,31 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from eha_bench.plants.plant import Drive, Drives, Parametrised
 
+_NOTHING: Mapping[str, float] = MappingProxyType({})
 
-def start_of(at: Parametrised, drive: Drive, measured: Mapping[str, float]) -> dict[str, float]:
+
+def start_of(
+    at: Parametrised,
+    drive: Drive,
+    measured: Mapping[str, float],
+    carried: Mapping[str, float] = _NOTHING,
+) -> dict[str, float]:
     """Return the start state at which the plant's sensors would read what was measured.
 
     A sensor with an offset reads another value than the state has: one tick is simulated, and the
     state is moved by what the sensor adds.
+
+    Args:
+        at: the plant. drive: what drives it. measured: channel -> first reading, SI.
+        carried: state -> where it is, SI, of those that nothing reads.
     """
-    return starts_of(at, Drives((drive,)), [measured])[0]
+    return starts_of(at, Drives((drive,)), [measured], [carried])[0]
 
 
 def starts_of(
-    at: Parametrised, drives: Drives, measured: Sequence[Mapping[str, float]]
+    at: Parametrised,
+    drives: Drives,
+    measured: Sequence[Mapping[str, float]],
+    carried: Sequence[Mapping[str, float]],
 ) -> list[dict[str, float]]:
     """Return the start states of several drives, each as `start_of` does."""
     plant = at.plant
     starts, readings = [], []
-    for drive, first in zip(drives.items, measured, strict=True):
+    for drive, first, own in zip(drives.items, measured, carried, strict=True):
         implied = plant.through_parts(at.vector, {**drive.first_values, **first})
         read = {name: value for name, value in first.items() if name in plant.states}
-        starts.append({**implied, **plant.at_rest(read), **read})
+        starts.append({**implied, **plant.at_rest(read), **read, **own})
         readings.append(read)
     if at.sensors_are_ideal:
         return starts

@@ -257,7 +257,8 @@ def covariance(fit: Fit, groups: Groups) -> FloatArray:
     inverse = np.linalg.inv(normal + 1e-12 * np.eye(len(fit.free)))
     root = np.sqrt(np.diag(inverse))
     deviations = np.array([item.deviation for item in spreads(fit, groups).values()])
-    return np.asarray(inverse / np.outer(root, root) * np.outer(deviations, deviations))
+    with np.errstate(invalid="ignore"):  # no correlation with what is not determined
+        return np.asarray(inverse / np.outer(root, root) * np.outer(deviations, deviations))
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ from eha_bench.plants.plant import Plant
 
 _TRUSTED = 0.1
 """How far a carried state may be off, as a share of what it moves by in its run."""
+_HALF_FIT = 8
+"""Ticks on either side from which a rate is told."""
 _UNKNOWN = 0.5
 """The same of a pressure where a log begins."""
 
@@ -29,7 +31,8 @@ _UNKNOWN = 0.5
 def missing(plant: Plant, window: Window) -> tuple[str, ...]:
     """Return the plant's states that a window does not know at its start.
 
-    A pressure is one whether or not a channel is declared for it.
+    A pressure, a speed or a position is one whether or not a channel is declared for it; the angle
+    of a shaft that turns on and on is told otherwise (`start_angles`).
     """
     measured = window.measured
     roles = measured.roles
@@ -39,15 +42,12 @@ def missing(plant: Plant, window: Window) -> tuple[str, ...]:
         still = (*still, *roles.rates, *roles.acting)
         # and where it is charged to is a parameter of its own
         still += tuple(name for name, key in plant.charged_by.items() if key in measured.run.own)
+    moving = {*roles.rates, *roles.rate_of} - {*roles.turning.values()}
     told = {shown for name, (shown, _) in roles.geared.items() if name in window.initial}
-    for pair in plant.elastic_pairs:
-        # the force that is read says how far they are apart
-        if pair.force in window.initial and window.initial.keys() & {*pair.positions}:
-            told |= {*pair.positions}
     return tuple(
         name
         for name in plant.states
-        if (name in plant.outputs or name in plant.charged_by)
+        if (name in plant.outputs or name in moving or name in plant.charged_by)
         and name not in still
         and name not in window.initial
         and name not in told
@@ -71,25 +71,76 @@ def with_carried_states(
     stops = [*(window.first for window in started[1:]), measured.time.size - 1]
     carried = _Carried(plant)
     found: list[dict[str, float]] = []
+    springs: list[dict[str, tuple[float, float]]] = []
     for window, stop in zip(started, stops, strict=True):
         unread = missing(plant, window)
-        own = carried.values(unread, window.initial)
+        springs.append(_beyond_springs(plant, vector, window))
+        told = {name: value for name, (value, _) in springs[-1].items()}
+        own = {**carried.values(unread, window.initial), **told}
         drive = measured.drive(window.first, stop + 1)
-        begin = start_of(at, drive, {**window.initial, **own})
+        begin = start_of(at, drive, window.initial, own)
         out, end = at.simulate_to_end(drive, begin, step)
         begin = carried.take({**plant.rest(vector), **begin}, out, end)
-        found.append({name: begin[name] for name in unread if name in begin})
+        found.append(
+            {name: begin[name] for name in {**dict.fromkeys(unread), **told} if name in begin}
+        )
     done = []
-    for window, own in zip(started[-len(windows) :], found[-len(windows) :], strict=True):
+    count = len(windows)
+    for window, own, told_by in zip(
+        started[-count:], found[-count:], springs[-count:], strict=True
+    ):
         free = measured.roles.pressures if window.first == 0 else ()
         spread = {
             name: (_UNKNOWN if name in free else _TRUSTED) * carried.moves(name, window.initial)
             for name in own
         }
-        done.append(
-            replace(window, initial={**window.initial, **own}, spread={**window.spread, **spread})
-        )
+        spread |= {name: off for name, (_, off) in told_by.items()}
+        done.append(replace(window, carried=own, spread={**window.spread, **spread}))
     return done
+
+
+def _beyond_springs(
+    plant: Plant, vector: FloatArray, window: Window
+) -> dict[str, tuple[float, float]]:
+    """Return states beyond a spring whose force is read, and how far each may be off, SI.
+
+    x' = x + F / k, and their rates differ by that of the force: a millimetre off, or 0.1 m/s, and
+    a load cell would ring at thousands of newtons.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    read = window.initial
+    for pair in plant.elastic_pairs:
+        if pair.force not in read:
+            continue
+        for here, there in ((0, 1), (1, 0)):
+            known, other = pair.positions[here], pair.positions[there]
+            if known not in read or other in read:
+                continue
+            bent = [
+                plant.through_parts(vector, {known: 0.0, pair.force: force}).get(other, 0.0)
+                for force in (read[pair.force], 1.0, 2.0)
+            ]
+            compliance = bent[2] - bent[1]
+            off = window.spread.get(pair.force, 0.0) * abs(compliance)
+            found[other] = read[known] + bent[0], off
+            slope, unsure = _slope(window, pair.force)
+            rate = read.get(pair.rates[here], 0.0) + slope * compliance
+            found[pair.rates[there]] = rate, unsure * abs(compliance)
+    return found
+
+
+def _slope(window: Window, channel: str) -> tuple[float, float]:
+    """Return the rate of a channel at a window's start, and how far it may be off, SI/s."""
+    measured = window.measured
+    column = measured.column(channel)
+    first = max(0, window.first - _HALF_FIT)
+    span = slice(first, first + 2 * _HALF_FIT + 1)
+    if column is None or np.count_nonzero(good := np.isfinite(column[span])) < _HALF_FIT:
+        return 0.0, 0.0
+    time, values = measured.time[span][good] - measured.time[window.first], column[span][good]
+    slope, further = (float(np.polyfit(time, values, degree)[-2]) for degree in (2, 4))
+    noise = window.noise.get(channel, 0.0) / float(np.std(time) * np.sqrt(time.size))
+    return slope, abs(further - slope) + 3.0 * noise
 
 
 class _Carried:
@@ -135,17 +186,17 @@ class _Carried:
             for k, name in enumerate(self._plant.outputs)
             if name in self._plant.states and np.isfinite(out[:, k]).all()
         }
-        for name, value in end.items():
-            if name not in paths and np.isfinite(value):
+        self._known |= {name: value for name, value in end.items() if np.isfinite(value)}
+        for name, value in self._known.items():
+            if name not in paths and name in end:
                 paths[name] = np.array([begin.get(name, value), value])
         for name, path in paths.items():
-            self._known[name] = float(path[-1])
             self._widen(name, path)
             other = paths.get(self._partner.get(name, ""))
             if other is not None:
                 ends = slice(None) if path.size == other.size else [0, -1]
                 self._widen(f"{name} apart", path[ends] - other[ends])
-        return {name: float(path[0]) for name, path in paths.items()}
+        return {name: begin.get(name, float(path[0])) for name, path in paths.items()}
 
     def moves(self, name: str, read: Mapping[str, float]) -> float:
         """Return what a state moved by: beside one that is read and joined to it, or by itself."""

@@ -13,9 +13,13 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.quiet import with_colours
 from eha_bench.diagnosis.data.wander import NoiseStretch, Wander, wander_of
+from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.residual_colour import steady_noise_of_residual
+
+_QUIETER = 0.7
+"""Level of a residual, in the noise, from which that was taken too large."""
 
 
 def wandering(problem: Problem, fit: Fit) -> dict[str, Wander]:
@@ -58,7 +62,14 @@ def with_noise_of_residual(problem: Problem, vector: FloatArray) -> Problem:
             | dict(seen.colours),
         ),
     )
-    return coloured.with_noise({**problem.noise, **seen.levels})
+    # where no stretch is long enough, a channel is no louder than what is left of it
+    refined = refined_noise(problem, problem.residual(vector), problem.noise)
+    quieter = {
+        name: level
+        for name, level in refined.items()
+        if name not in seen.levels and level < _QUIETER * problem.noise[name]
+    }
+    return coloured.with_noise({**problem.noise, **seen.levels, **quieter})
 
 
 def with_wander(problem: Problem, wander: Mapping[str, Wander]) -> Problem:

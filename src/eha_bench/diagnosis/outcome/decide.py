@@ -209,7 +209,7 @@ def _decision_with_curve(
         text += f"{comma} and depends on {template.variable}"
         if period:
             text += f", periodic with {period:.4g} (SI)"
-        text += f"; a learned curve explains {per_cent(share)} of the excess"
+        text += f"; a learned curve explains {per_cent(min(share, 1.0))} of the excess"
     else:
         text += (
             f"; a curve of {template.variable} explains {per_cent(max(share, 0.0))} of the excess, "

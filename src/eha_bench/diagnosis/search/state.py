@@ -149,7 +149,24 @@ def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
     declared = [*search.declared, *taken]
     starts = all_starts(places.layout, vector, declared, search.keys)
     starts += declared_sizes(places.layout, vector, search.declared, search.keys)
-    return [start for start in starts if places.permits(start.apply(vector), start.keys)]
+    return [
+        start
+        for start in starts
+        if places.permits(start.apply(vector), start.keys)
+        and not _is_of_unread_sensor(search.problem, start)
+    ]
+
+
+def _is_of_unread_sensor(problem: Problem, start: Start) -> bool:
+    """Whether it is an effect of sensors of which no recording has a reading."""
+    if start.is_parameter:
+        return False
+    layout = problem.plant.layout
+    effect = layout.effect(start.candidate)
+    settings = dict(start.settings)
+    values = {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
+    sensors = [spot.sensors for spot in effect.spots_at(values)]
+    return all(own and problem.noise.keys().isdisjoint(own) for own in sensors)
 
 
 def begin(baseline: Baseline, thresholds: Thresholds = DEFAULT) -> Search:

@@ -646,6 +646,7 @@ def _pressure_sensor(system: System) -> Iterator[Spot]:
                 },
                 {"pressure": f"X[{item.state}]", "t": "S[1]"},
                 also=(item.of,),
+                sensors=(item.channel,),
             )
 
 
