@@ -14,7 +14,8 @@ from scipy.signal import lfilter
 from eha_bench.diagnosis.data.colour import Colour, colour_of
 from eha_bench.diagnosis.fit import wandering
 from eha_bench.diagnosis.fit.baseline import Baseline, colour_notes
-from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.evidence import refined_noise
+from eha_bench.diagnosis.fit.problem import Piece, Problem
 from eha_bench.diagnosis.fit.residual_colour import SeenNoise
 from eha_bench.diagnosis.outcome import own_noise
 
@@ -63,7 +64,29 @@ def test_a_channel_that_is_seen_white_loses_its_colour(
         return SimpleNamespace(with_noise=lambda noise: noise)
 
     monkeypatch.setattr(wandering, "_with_measured", each)
-    problem = cast("Problem", SimpleNamespace(noise={"motor_speed": 1.0, "current": 2.0}))
-    found: object = wandering.with_noise_of_residual(problem, np.zeros(1))
+    noise = {"motor_speed": 1.0, "current": 2.0, "force": 3.0}
+    # no stretch of the force is long enough, and what is left of it is a tenth of its noise
+    left = {"motor_speed": 0.3, "current": 1.9, "force": 0.3}
+    monkeypatch.setattr(wandering, "refined_noise", lambda *_: left)
+    stub = SimpleNamespace(noise=noise, residual=lambda _: np.zeros(1))
+    found: object = wandering.with_noise_of_residual(cast("Problem", stub), np.zeros(1))
     assert given == [{"current": colour}]
-    assert found == {"motor_speed": 0.1, "current": 2.0}
+    assert found == {"motor_speed": 0.1, "current": 2.0, "force": 0.3}
+
+
+@pytest.mark.parametrize(("loud", "taken"), [(0.05, 0.05), (1.0, 1.0), (1.5, 1.0)])
+def test_a_channel_in_short_windows_is_no_louder_than_what_is_left_of_it(
+    loud: float, taken: float
+) -> None:
+    rng = np.random.default_rng(3)
+    size, count = 40, 50
+    measured = SimpleNamespace(run=SimpleNamespace(name="one"), steps={}, input_noise={})
+    windows = [SimpleNamespace(measured=measured, first=0) for _ in range(count)]
+    ticks, channels = np.arange(size), np.zeros(size, dtype=np.intp)
+    pieces = [Piece(k, slice(k * size, (k + 1) * size), ticks, channels) for k in range(count)]
+    stub = SimpleNamespace(
+        plant=SimpleNamespace(outputs=("pressure",)), pieces=pieces, windows=windows
+    )
+    residual = rng.normal(0.0, loud, size * count)
+    found = refined_noise(cast("Problem", stub), residual, {"pressure": 2e5})
+    assert found["pressure"] == pytest.approx(2e5 * taken, rel=0.05)
