@@ -73,6 +73,28 @@ def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Se
     assert found.candidate == RIVAL
 
 
+@pytest.mark.parametrize(("explained", "chosen"), [(0.95, RIGHT), (0.6, RIVAL)])
+def test_what_yields_to_another_is_chosen_only_where_that_explains_less(
+    search: Search, monkeypatch: pytest.MonkeyPatch, explained: float, chosen: str
+) -> None:
+    """A play in a gear is the gap behind which a load hangs: one thing, one name."""
+    layout = search.problem.plant.layout
+    bound = layout.effect(RIVAL)
+    yielding = replace(bound, effect=replace(bound.effect, yields_to=RIGHT))
+    known = {RIVAL: yielding}
+    monkeypatch.setattr(
+        type(layout),
+        "effect",
+        lambda _, name: known.get(name) or SimpleNamespace(effect=SimpleNamespace(yields_to="")),
+    )
+    best = search.fit.cost - 1000.0
+    other = trial(search, RIGHT, best + 60.0)
+    other = replace(other, comparison=replace(other.comparison, share=explained))
+    found = choice.choose(search, [trial(search, RIVAL, best), other])
+    assert found is not None
+    assert found.candidate == chosen
+
+
 @pytest.mark.parametrize(
     ("share", "as_good", "chosen"),
     [(1.0, True, RIVAL), (1.0, False, RIGHT), (0.9, True, RIGHT)],

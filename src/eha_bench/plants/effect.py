@@ -138,6 +138,8 @@ class Effect:
             its place among the words. The rest keep their defaults.
         order: place in a hook's chain where several effects meet; what scales or filters the
             others' sum comes later.
+        yields_to: id of an effect that describes the same with less: it is named where both
+            explain what is there.
     """
 
     id: str
@@ -152,6 +154,7 @@ class Effect:
     separate: str = ""
     starts: tuple[Mapping[str, float], ...] = ()
     order: int = 0
+    yields_to: str = ""
 
     def __post_init__(self) -> None:
         """Refuse names that mean nothing: misspelt, they would be without effect.

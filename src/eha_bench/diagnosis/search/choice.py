@@ -25,7 +25,25 @@ def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
     alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
     # of those that leave equally little, the one with the fewest numbers to choose is the
     # likeliest, then the one that carries over best to runs left out
-    return min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
+    simplest = min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
+    return _yielding(search, simplest, good)
+
+
+def _yielding(search: Search, chosen: Refit, good: Sequence[Refit]) -> Refit:
+    """Return what describes the same as the chosen one with less, where it explains it as well."""
+    if chosen.start.is_parameter:
+        return chosen
+    other = search.problem.plant.layout.effect(chosen.candidate).effect.yields_to
+    least = search.thresholds.nearly_all
+    return next(
+        (
+            item
+            for item in good
+            if item.candidate == other
+            and min(item.comparison.share, item.comparison.share_out) > least
+        ),
+        chosen,
+    )
 
 
 def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:
