@@ -17,13 +17,12 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.windows import Window, window_at
+from eha_bench.diagnosis.fit.beyond_springs import beyond_springs
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.plants.plant import Plant
 
 _TRUSTED = 0.1
 """How far a carried state may be off, as a share of what it moves by in its run."""
-_HALF_FIT = 8
-"""Ticks on either side from which a rate is told."""
 _UNKNOWN = 0.5
 """The same of a pressure where a log begins."""
 
@@ -74,7 +73,7 @@ def with_carried_states(
     springs: list[dict[str, tuple[float, float]]] = []
     for window, stop in zip(started, stops, strict=True):
         unread = missing(plant, window)
-        springs.append(_beyond_springs(plant, vector, window))
+        springs.append(beyond_springs(plant, vector, window))
         told = {name: value for name, (value, _) in springs[-1].items()}
         own = {**carried.values(unread, window.initial), **told}
         drive = measured.drive(window.first, stop + 1)
@@ -97,50 +96,6 @@ def with_carried_states(
         spread |= {name: off for name, (_, off) in told_by.items()}
         done.append(replace(window, carried=own, spread={**window.spread, **spread}))
     return done
-
-
-def _beyond_springs(
-    plant: Plant, vector: FloatArray, window: Window
-) -> dict[str, tuple[float, float]]:
-    """Return states beyond a spring whose force is read, and how far each may be off, SI.
-
-    x' = x + F / k, and their rates differ by that of the force: a millimetre off, or 0.1 m/s, and
-    a load cell would ring at thousands of newtons.
-    """
-    found: dict[str, tuple[float, float]] = {}
-    read = window.initial
-    for pair in plant.elastic_pairs:
-        if pair.force not in read:
-            continue
-        for here, there in ((0, 1), (1, 0)):
-            known, other = pair.positions[here], pair.positions[there]
-            if known not in read or other in read:
-                continue
-            bent = [
-                plant.through_parts(vector, {known: 0.0, pair.force: force}).get(other, 0.0)
-                for force in (read[pair.force], 1.0, 2.0)
-            ]
-            compliance = bent[2] - bent[1]
-            off = window.spread.get(pair.force, 0.0) * abs(compliance)
-            found[other] = read[known] + bent[0], off
-            slope, unsure = _slope(window, pair.force)
-            rate = read.get(pair.rates[here], 0.0) + slope * compliance
-            found[pair.rates[there]] = rate, unsure * abs(compliance)
-    return found
-
-
-def _slope(window: Window, channel: str) -> tuple[float, float]:
-    """Return the rate of a channel at a window's start, and how far it may be off, SI/s."""
-    measured = window.measured
-    column = measured.column(channel)
-    first = max(0, window.first - _HALF_FIT)
-    span = slice(first, first + 2 * _HALF_FIT + 1)
-    if column is None or np.count_nonzero(good := np.isfinite(column[span])) < _HALF_FIT:
-        return 0.0, 0.0
-    time, values = measured.time[span][good] - measured.time[window.first], column[span][good]
-    slope, further = (float(np.polyfit(time, values, degree)[-2]) for degree in (2, 4))
-    noise = window.noise.get(channel, 0.0) / float(np.std(time) * np.sqrt(time.size))
-    return slope, abs(further - slope) + 3.0 * noise
 
 
 class _Carried:
