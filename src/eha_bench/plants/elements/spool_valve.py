@@ -9,7 +9,9 @@
 s is the spool's position as a share of its travel, s_0 what its null is off. A positive command
 opens supply to a, and b to tank. The lands are matched and symmetric, without overlap. Without a
 `natural_frequency` the spool follows at once, with a `time_constant` alone as a first-order lag.
-Between steps the spool's path is exact.
+Between steps the spool's path is exact. The command may be anything that opens the valve in
+proportion: for one in mA or per cent, declare its full scale as a number of V and map the column
+with `unit: V`.
 
 Source: Merritt, Hydraulic Control Systems, Wiley 1967; Jelali, Kroll, Hydraulic Servo-systems,
 Springer 2003, section 4.3.
