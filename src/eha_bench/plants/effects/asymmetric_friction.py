@@ -34,8 +34,8 @@ EFFECT = Effect(
     id="asymmetric_friction",
     summary="Friction is stronger in one direction than in the other.",
     parameters=(
-        # four times as strong one way as the other; beyond that it is a force that has a direction
-        Parameter("asymmetry", "", 0.1, -0.6, 0.6, "a"),
+        # nine times as strong one way as the other; beyond that it is a force that has a direction
+        Parameter("asymmetry", "", 0.1, -0.8, 0.8, "a"),
         choice("kind", ("dry", "viscous", "all"), "which friction is lopsided"),
     ),
     actions={"friction": Action({"dry": dry, "viscous": viscous})},
