@@ -83,10 +83,15 @@ def refined_noise(
 
 
 def _read_in_short_windows(problem: Problem, residual: FloatArray) -> set[int]:
-    """Return channels, by number, of which no window has readings enough to tell their noise."""
+    """Return channels, by number, of which no window has readings enough to tell their noise.
+
+    Where inputs were measured a run is cut on purpose, and its windows tell it together.
+    """
     longest: dict[int, int] = {}
-    for _, channel, part in _by_channel(problem, residual):
-        longest[channel] = max(longest.get(channel, 0), part.size)
+    for window, channel, part in _by_channel(problem, residual):
+        cut = bool(problem.windows[window].measured.input_noise)
+        size = _FEW_READINGS + 1 if cut else part.size
+        longest[channel] = max(longest.get(channel, 0), size)
     return {channel for channel, size in longest.items() if size <= _FEW_READINGS}
 
 
