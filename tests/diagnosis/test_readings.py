@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from eha_bench.diagnosis.fit.instants import Instants
-from eha_bench.diagnosis.fit.readings import Readings, StartBases
+from eha_bench.diagnosis.fit.readings import StartBases, WindowReadings
 
 WIDTH = 3
 
@@ -75,7 +75,7 @@ def test_readings_of_several_windows_are_left_as_one_by_one(late: float) -> None
     simulated = [rng.normal(size=(ticks, WIDTH)) for ticks in (20, 31, 31, 12)]
     simulated[1][7, 0] = np.nan
     simulated[2][3, 2] = -np.inf
-    readings = Readings(parts, WIDTH)
+    readings = WindowReadings(parts, WIDTH)
     found = readings.left(simulated, which, {"r": {"bus": late}})
     each = readings.each(found, which)
     for values, own, number in zip(simulated, each, which, strict=True):

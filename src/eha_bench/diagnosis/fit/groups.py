@@ -9,7 +9,7 @@ from itertools import groupby
 import numpy as np
 
 from eha_bench.diagnosis.fit.prepared import Prepared
-from eha_bench.diagnosis.fit.readings import Readings
+from eha_bench.diagnosis.fit.readings import WindowReadings
 from eha_bench.plants.plant import Drives
 
 
@@ -24,7 +24,7 @@ class WindowGroup:
 
     members: tuple[int, ...]
     drives: Drives
-    readings: Readings
+    readings: WindowReadings
 
 
 def groups_of(parts: Sequence[Prepared], count: int, width: int) -> tuple[WindowGroup, ...]:
@@ -45,7 +45,7 @@ def groups_of(parts: Sequence[Prepared], count: int, width: int) -> tuple[Window
         WindowGroup(
             members,
             Drives(tuple(parts[k].drive for k in members)),
-            Readings([parts[k] for k in members], width),
+            WindowReadings([parts[k] for k in members], width),
         )
         for members in stretches
     )

@@ -39,7 +39,7 @@ from eha_bench.diagnosis.fit.instants import instants_of
 from eha_bench.diagnosis.fit.lost_inputs import lost_input_noise
 from eha_bench.diagnosis.fit.own_parameters import places_of
 from eha_bench.diagnosis.fit.prepared import Prepared, best_start
-from eha_bench.diagnosis.fit.readings import Readings, StartBases
+from eha_bench.diagnosis.fit.readings import StartBases, WindowReadings
 from eha_bench.diagnosis.fit.start_state import starts_of
 from eha_bench.diagnosis.fit.unmeasured import missing, with_carried_states
 from eha_bench.diagnosis.fit.whitening import whitening
@@ -316,7 +316,7 @@ class Problem:
     ) -> float:
         """Take a window's U about its start; return what was simulated beyond its states, s."""
         part.offset = columns @ part.moved if part.moved is not None else None
-        readings = Readings((part,), len(self.plant.outputs))
+        readings = WindowReadings((part,), len(self.plant.outputs))
 
         def of_drive(drive: Drive) -> FloatArray:
             return self._of_drive(part, drive, readings, in_run)
@@ -351,7 +351,7 @@ class Problem:
         part.span(np.column_stack([slopes, *part.of_inputs, *zeros]), of_many=bool(zeros))
 
     def _slopes(
-        self, parts: Sequence[Prepared], drives: Drives, readings: Readings, in_run: _InRuns
+        self, parts: Sequence[Prepared], drives: Drives, readings: WindowReadings, in_run: _InRuns
     ) -> list[tuple[FloatArray, FloatArray]]:
         """Return windows' weighted residuals, and what each uncertain state does to them, (N, k).
 
@@ -403,7 +403,7 @@ class Problem:
             return 0.0
         others = np.column_stack([np.zeros((part.pick.size, 0)), *part.of_inputs])
         moved = np.zeros(len(part.starts)) if part.moved is None else part.moved
-        drives, readings = Drives((part.drive,)), Readings((part,), len(self.plant.outputs))
+        drives, readings = Drives((part.drive,)), WindowReadings((part,), len(self.plant.outputs))
         ((base, slopes),) = self._slopes([part], drives, readings, in_run)
         for share in _HORIZONS:
             rows = part.pick // part.columns.size < share * (part.window.last - part.window.first)
@@ -629,7 +629,7 @@ class Problem:
         return starts
 
     def _of_drive(
-        self, part: Prepared, drive: Drive, readings: Readings, in_run: _InRuns
+        self, part: Prepared, drive: Drive, readings: WindowReadings, in_run: _InRuns
     ) -> FloatArray:
         """Return a window's weighted residual under another drive, (N,)."""
         plant = in_run.plant_of(part)

@@ -34,7 +34,7 @@ class _Simulations(NamedTuple):
     ends: IndexArray
 
 
-class _Between(NamedTuple):
+class _BetweenTicks(NamedTuple):
     """What was read between ticks (`instants`), window by window.
 
     Attributes:
@@ -67,7 +67,7 @@ class _Filters(NamedTuple):
     factors: FloatArray
 
 
-class Readings:
+class WindowReadings:
     """The readings of some windows, one window behind the other.
 
     Args:
@@ -102,8 +102,8 @@ class Readings:
         values = np.concatenate([item.ravel() for item in simulated])
         simulations = _Simulations(values, _edges([item.size for item in simulated]), which, ends)
         _left_of_each(
-            simulations, self._width, self._rows, self._places, self._target, self._scale,
-            self._between, self._late(lateness), self._filters, left,
+            tuple(simulations), self._width, self._rows, self._places, self._target, self._scale,
+            tuple(self._between), self._late(lateness), tuple(self._filters), left,
         )  # fmt: skip
         return left
 
@@ -120,9 +120,9 @@ class Readings:
                 late[row, place] = lateness[run].get(name, 0.0)
         return late
 
-    def _between_ticks(self) -> _Between:
+    def _between_ticks(self) -> _BetweenTicks:
         there = [item for item in self._instants if item is not None]
-        return _Between(
+        return _BetweenTicks(
             _edges([0 if item is None else item.rows.size for item in self._instants]),
             _joined([item.rows for item in there], np.intp),
             _joined([item.columns for item in there], np.intp),
@@ -189,54 +189,57 @@ def _joined(items: Sequence[Any], kind: Any) -> Any:
     return np.concatenate([np.zeros(0, kind), *items]).astype(kind, copy=False)
 
 
+# Plain tuples: compiled code that is kept on disk names no class of this file.
 @njit(cache=True, nogil=True)
 def _left_of_each(
-    simulations: _Simulations,
+    simulations: tuple[Any, ...],
     width: int,
     rows: IndexArray,
     places: IndexArray,
     target: FloatArray,
     scale: FloatArray,
-    between: _Between,
+    between: tuple[Any, ...],
     late: FloatArray,
-    filters: _Filters,
+    filters: tuple[Any, ...],
     left: FloatArray,
 ) -> None:
     """Write the weighted residuals of simulations to `left`.
 
     Args:
-        simulations: with their windows. width: how many outputs a tick has.
+        simulations: `_Simulations`. width: how many outputs a tick has.
         rows: (windows + 1,) where each window's readings begin. places: in a simulation.
-        target, scale: of readings. between: those between ticks. late: (windows, clocks) s.
-        filters: of noise that remembers. left: (N,) written.
+        target, scale: of readings. between: `_BetweenTicks`. late: (windows, clocks) s.
+        filters: `_Filters`. left: (N,) written.
     """
-    values, ends = simulations.values, simulations.ends
+    values, begins, which, ends = simulations
+    edges, between_rows, columns, stamps, clocks, tick_edges, ticks, firsts = between
+    remembers, filter_edges, neighbours, factors = filters
     own = np.empty(np.max(np.diff(ends)))
-    for n in range(simulations.which.size):
-        w, begin = simulations.which[n], simulations.begins[n]
+    for n in range(which.size):
+        w, begin = which[n], begins[n]
         first, count = rows[w], rows[w + 1] - rows[w]
         for r in range(count):
             own[r] = values[begin + places[first + r]]
-        here, there = between.tick_edges[w], between.tick_edges[w + 1]
-        for k in range(between.edges[w], between.edges[w + 1]):
-            instant = between.stamps[k] - late[w, between.clocks[k]]
-            after = np.searchsorted(between.ticks[here:there], instant)
-            after = min(max(after, between.firsts[w] + 1), max(there - here - 1, 1))
-            earlier = between.ticks[here + after - 1]
-            share = (instant - earlier) / (between.ticks[here + after] - earlier)
-            at = begin + (after - 1) * width + between.columns[k]
-            own[between.rows[k]] = values[at] + share * (values[at + width] - values[at])
+        here, there = tick_edges[w], tick_edges[w + 1]
+        for k in range(edges[w], edges[w + 1]):
+            instant = stamps[k] - late[w, clocks[k]]
+            after = np.searchsorted(ticks[here:there], instant)
+            after = min(max(after, firsts[w] + 1), max(there - here - 1, 1))
+            earlier = ticks[here + after - 1]
+            share = (instant - earlier) / (ticks[here + after] - earlier)
+            at = begin + (after - 1) * width + columns[k]
+            own[between_rows[k]] = values[at] + share * (values[at + width] - values[at])
         for r in range(count):
             difference = target[first + r] - own[r] / scale[first + r]
             if not abs(difference) <= _BAD:
                 difference = -_BAD if difference < 0.0 else _BAD
             own[r] = difference
         out = left[ends[n] : ends[n + 1]]
-        if filters.remembers[w]:
+        if remembers[w]:
             for r in range(count):
                 out[r] = 0.0
-                for k in range(filters.edges[first + r], filters.edges[first + r + 1]):
-                    out[r] += filters.factors[k] * own[filters.neighbours[k]]
+                for k in range(filter_edges[first + r], filter_edges[first + r + 1]):
+                    out[r] += factors[k] * own[neighbours[k]]
         else:
             out[:] = own[:count]
 
