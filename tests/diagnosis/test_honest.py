@@ -19,12 +19,17 @@ from typer.testing import CliRunner
 from eha_bench.cli.app import app
 from eha_bench.core.errors import BUG
 from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.fit.beliefs import Belief
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
-from eha_bench.diagnosis.outcome.honest import _against, against_the_end
+from eha_bench.diagnosis.outcome.honest import (
+    _against,
+    _takes_from_belief,
+    against_the_end,
+)
 from eha_bench.diagnosis.outcome.honest import curve_is_worse as curve_is_worse_by
 from eha_bench.diagnosis.outcome.honest import worse as worse_by
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -223,6 +228,28 @@ def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
     )
     assert (None if told is None else told.item.start.candidate) == refused
     assert told is None or says in told.reason
+
+
+@pytest.mark.parametrize(
+    ("with_it", "without_it", "is_refused"),
+    [
+        (0.50e6, 0.31e6, True),  # seven times what is given under `within`, and it need not be
+        (0.50e6, 0.49e6, False),  # the machine is not as it was declared, whatever is missing
+        (0.36e6, 0.31e6, False),  # not far
+    ],
+)
+def test_an_effect_that_takes_a_parameter_far_from_what_is_believed(
+    with_it: float, without_it: float, is_refused: bool
+) -> None:
+    """All pressures read too low, in trade for a reservoir that is charged by as much more."""
+    belief = Belief("gas.precharge", 0, 0.3e6, 0.03e6 / 3.0**0.5)
+    layout = SimpleNamespace(by_key={"gas.precharge": SimpleNamespace(unit="Pa")})
+    problem = SimpleNamespace(beliefs=[belief], plant=SimpleNamespace(layout=layout))
+    search = SimpleNamespace(problem=problem, fit=SimpleNamespace(vector=[with_it]))
+    reason = _takes_from_belief(search, SimpleNamespace(vector=[without_it]))
+    assert bool(reason) is is_refused
+    if is_refused:
+        assert "gas.precharge is 5e+05 Pa, without it 3.1e+05 Pa" in reason
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from math import isfinite, isnan, sqrt
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.beliefs import Belief
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
@@ -34,6 +35,8 @@ _MOST = 0.5
 """Share of what is missing that an effect has to explain which bends a law that is declared."""
 _FAR = 3.0
 """Multiple of what is given under `within` from which a value contradicts it."""
+_NEAR = 1.5
+"""Multiple of it up to which a value agrees with it, but for noise."""
 _NOT_DISTINCT = (
     "its size is not distinct from zero, and the error without it has no structure in time"
 )
@@ -62,6 +65,9 @@ def _dropped(search: Search) -> list[Refusal]:
         if not reason and len(search.effects) > 1 and is_loose(search, item):
             refit = without(search, item)
             reason = _beside_others(search, item, refit)
+        if not reason and len(search.effects) > 1 and _contradicted(search, search.fit, _FAR):
+            refit = refit or without(search, item)
+            reason = _takes_from_belief(search, refit)
         if reason:
             refused.append(Refusal(item, reason))
             drop(search, item, refit or without(search, item))
@@ -222,6 +228,36 @@ def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:
     ):
         return ""
     return _NOT_DISTINCT
+
+
+def _contradicted(search: Search, fit: Fit, multiple: float) -> list[Belief]:
+    """Return what is believed of parameters that a fit is further from, in what is `within`."""
+    return [
+        belief
+        for belief in search.problem.beliefs
+        if abs(float(fit.vector[belief.at]) - belief.value) > multiple * belief.within
+    ]
+
+
+def _takes_from_belief(search: Search, refit: Fit) -> str:
+    """Say which parameter an effect takes far from what is believed of it, or nothing.
+
+    What two can only do together is a trade: all pressures read too low, and a reservoir charged by
+    as much more than it was declared to be.
+
+    Args:
+        search: with the effect. refit: without it.
+    """
+    free = {belief.key for belief in _contradicted(search, refit, _NEAR)}
+    for belief in _contradicted(search, search.fit, _FAR):
+        if belief.key not in free:
+            unit = search.problem.plant.layout.by_key[belief.key].unit
+            now, then = (float(fit.vector[belief.at]) for fit in (search.fit, refit))
+            return (
+                f"with it, {belief.key} is {now:.4g} {unit}, without it {then:.4g} {unit}, and "
+                f"{belief.value:.4g} {unit} is what is believed of it"
+            )
+    return ""
 
 
 def _deepen_base(search: Search) -> None:
