@@ -3,9 +3,26 @@
 const unpack = (() => {
   async function planes(base64, width) {
     const squeezed = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
-    const stream = new Blob([squeezed]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+    const { writable, readable } = new DecompressionStream("deflate");
+    const writer = writable.getWriter();
+    // what is wrong with the data is told where they are read
+    writer.write(squeezed).catch(() => {});
+    writer.close().catch(() => {});
+    const bytes = await whole(readable.getReader());
     return { bytes, count: bytes.length / width };
+  }
+
+  // Not by way of a Blob and a Response: a browser under load fails to fetch what it holds itself.
+  async function whole(reader) {
+    const parts = [];
+    for (let part = await reader.read(); !part.done; part = await reader.read()) parts.push(part.value);
+    const bytes = new Uint8Array(parts.reduce((sum, part) => sum + part.length, 0));
+    let at = 0;
+    for (const part of parts) {
+      bytes.set(part, at);
+      at += part.length;
+    }
+    return bytes;
   }
 
   // Values in display units; null where nothing was measured, for uPlot draws a gap there.
