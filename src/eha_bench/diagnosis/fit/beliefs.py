@@ -55,4 +55,11 @@ def believed_residual(beliefs: Sequence[Belief], vector: FloatArray) -> FloatArr
 
 def is_beyond(beliefs: Sequence[Belief], vector: FloatArray) -> bool:
     """Return whether a parameter is outside of what is given under `within`."""
-    return any(abs(vector[item.at] - item.value) > item.within for item in beliefs)
+    return bool(contradicted(beliefs, vector))
+
+
+def contradicted(
+    beliefs: Sequence[Belief], vector: FloatArray, multiple: float = 1.0
+) -> list[Belief]:
+    """Return what is believed of parameters that are further off than so many times `within`."""
+    return [item for item in beliefs if abs(vector[item.at] - item.value) > multiple * item.within]

@@ -211,10 +211,15 @@ def value_start(
     return Start(f"parameter:{key}", (), at, value, value * probed, low, high, (key,), "")
 
 
+def start_values(layout: Layout, effect: BoundEffect, start: Start) -> dict[str, float]:
+    """Return an effect's parameters at a starting point, by name; words as their numbers."""
+    settings = dict(start.settings)
+    return {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
+
+
 def _can_be_missing(layout: Layout, effect: BoundEffect, start: Start, vector: FloatArray) -> bool:
     """Return whether a model without it lacks something: nothing in it says the same already."""
-    settings = dict(start.settings)
-    values = {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
+    values = start_values(layout, effect, start)
     twin = effect.repeats(values)
     if twin and vector[layout.index[twin]] != 0.0:
         return False

@@ -14,7 +14,7 @@ from math import isfinite, isnan, sqrt
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.beliefs import Belief
+from eha_bench.diagnosis.fit.beliefs import contradicted
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
@@ -65,7 +65,11 @@ def _dropped(search: Search) -> list[Refusal]:
         if not reason and len(search.effects) > 1 and is_loose(search, item):
             refit = without(search, item)
             reason = _beside_others(search, item, refit)
-        if not reason and len(search.effects) > 1 and _contradicted(search, search.fit, _FAR):
+        if (
+            not reason
+            and len(search.effects) > 1
+            and contradicted(search.problem.beliefs, search.fit.vector, _FAR)
+        ):
             refit = refit or without(search, item)
             reason = _takes_from_belief(search, refit)
         if reason:
@@ -163,15 +167,13 @@ def _beyond_belief(search: Search, item: Accepted, vector: FloatArray) -> str:
     layout = problem.plant.layout
     effect = layout.effect(item.start.candidate)
     needed = effect.needed(layout.choice_values(effect, vector))
-    for belief in problem.beliefs:
+    for belief in contradicted(problem.beliefs, vector, _FAR):
         if belief.key == needed:
-            now = float(vector[belief.at])
-            if abs(now - belief.value) > _FAR * belief.within:
-                unit = layout.by_key[belief.key].unit
-                return (
-                    f"with it, {belief.key} would be {now:.4g} {unit}, which is far from what is "
-                    f"believed of it, {belief.value:.4g} {unit}"
-                )
+            now, unit = float(vector[belief.at]), layout.by_key[belief.key].unit
+            return (
+                f"with it, {belief.key} would be {now:.4g} {unit}, which is far from what is "
+                f"believed of it, {belief.value:.4g} {unit}"
+            )
     return ""
 
 
@@ -230,15 +232,6 @@ def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:
     return _NOT_DISTINCT
 
 
-def _contradicted(search: Search, fit: Fit, multiple: float) -> list[Belief]:
-    """Return what is believed of parameters that a fit is further from, in what is `within`."""
-    return [
-        belief
-        for belief in search.problem.beliefs
-        if abs(float(fit.vector[belief.at]) - belief.value) > multiple * belief.within
-    ]
-
-
 def _takes_from_belief(search: Search, refit: Fit) -> str:
     """Say which parameter an effect takes far from what is believed of it, or nothing.
 
@@ -248,8 +241,9 @@ def _takes_from_belief(search: Search, refit: Fit) -> str:
     Args:
         search: with the effect. refit: without it.
     """
-    free = {belief.key for belief in _contradicted(search, refit, _NEAR)}
-    for belief in _contradicted(search, search.fit, _FAR):
+    beliefs = search.problem.beliefs
+    free = {belief.key for belief in contradicted(beliefs, refit.vector, _NEAR)}
+    for belief in contradicted(beliefs, search.fit.vector, _FAR):
         if belief.key not in free:
             unit = search.problem.plant.layout.by_key[belief.key].unit
             now, then = (float(fit.vector[belief.at]) for fit in (search.fit, refit))

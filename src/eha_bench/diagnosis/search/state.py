@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import Baseline
-from eha_bench.diagnosis.fit.candidates import Start, all_starts, declared_sizes
+from eha_bench.diagnosis.fit.candidates import Start, all_starts, declared_sizes, start_values
 from eha_bench.diagnosis.fit.evidence import (
     Excess,
     Groups,
@@ -163,9 +163,8 @@ def _is_of_unread_sensor(problem: Problem, start: Start) -> bool:
         return False
     layout = problem.plant.layout
     effect = layout.effect(start.candidate)
-    settings = dict(start.settings)
-    values = {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
-    sensors = [spot.sensors for spot in effect.spots_at(values)]
+    places = effect.spots_at(start_values(layout, effect, start))
+    sensors = [spot.sensors for spot in places]
     return all(own and problem.noise.keys().isdisjoint(own) for own in sensors)
 
 
