@@ -33,7 +33,15 @@ def spool(model: Model, drive: Drive) -> np.ndarray:
     [(0.0, 0.2, 0.0), (0.0, 0.4, 0.1), (0.0, -1.0, -0.7), (2.0, 2.0, 2.0)]
 )  # fmt: skip
 def test_a_play_holds_within_half_its_width(held, asked, found) -> None:
-    assert whole(held, asked, FULL, WIDTH) == pytest.approx(found)
+    assert whole(held, asked, FULL, WIDTH, 0.0) == pytest.approx(found)
+
+
+@pytest.mark.parametrize(
+    ("held", "asked", "found"),
+    [(0.0, 0.2, 0.0), (0.0, 0.4, 0.4), (0.0, -1.0, -1.0), (2.0, 2.25, 2.0)]
+)  # fmt: skip
+def test_a_sticking_valve_jumps_to_what_is_asked_for(held, asked, found) -> None:
+    assert whole(held, asked, FULL, WIDTH, 2.0) == pytest.approx(found)
 
 
 def test_a_rounded_loop_is_as_wide_as_a_play() -> None:
@@ -45,7 +53,7 @@ def test_a_rounded_loop_is_as_wide_as_a_play() -> None:
             followed = held_back(asked, inner, held, outer, FULL, WIDTH, form)
             read.setdefault(form, []).append(followed)
         inner = narrow(inner, asked, FULL, WIDTH)
-        held, outer = whole(held, asked, FULL, WIDTH), wide(outer, asked, FULL, WIDTH)
+        held, outer = whole(held, asked, FULL, WIDTH, 0.0), wide(outer, asked, FULL, WIDTH)
     for values in read.values():
         rising, falling = np.array(values[:2001]), np.array(values[2001:][::-1])
         assert (falling - rising)[1000] == pytest.approx(WIDTH * FULL, rel=1e-6)
