@@ -22,10 +22,10 @@ from eha_bench.diagnosis.data.windows import (
     Window,
     cut_windows,
     from_another_angle,
-    split,
     window_at,
 )
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
+from eha_bench.diagnosis.fit.chosen_windows import thinned_windows, thinning_notes
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.friction_at_rest import at_rest, friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -37,6 +37,7 @@ from eha_bench.diagnosis.fit.settled import settled_fit
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
 from eha_bench.diagnosis.fit.starts import MultistartFit, best_fit_of_starts
 from eha_bench.diagnosis.fit.steady_windows import steady_problem, unsteady_notes
+from eha_bench.diagnosis.fit.telling_windows import note_of, telling_windows
 
 STEP = 2e-4
 """Integration step of fits, s: five a tick at 1 kHz; its error is below 0.1 of usual noise."""
@@ -47,18 +48,6 @@ tick at 1 kHz."""
 
 SCREENING = 5e-4
 """Integration step where only a simulation's change by a candidate counts, s."""
-
-BUDGET = 40.0
-"""Most that is simulated for one residual, s; longer training data are sampled evenly."""
-
-BUDGET_TICKS = 3_000
-"""And in ticks: of a slow log, forty seconds are few readings."""
-
-CHUNK = 4.0
-"""Length of the parts of long windows that are chosen from, s."""
-
-CHUNK_TICKS = 250
-"""And in ticks, at least."""
 
 
 @dataclass
@@ -159,30 +148,6 @@ def gather(
     )
 
 
-def thinned_windows(windows: list[Window], budget: float = BUDGET) -> list[Window]:
-    """Return evenly chosen windows where all of them are longer than a budget in s and in ticks."""
-    total = sum(_length(window) for window in windows)
-    budget = max(budget, BUDGET_TICKS * _tick(windows))
-    if total <= budget:
-        return windows
-    chunk = max(CHUNK, CHUNK_TICKS * _tick(windows))
-    pieces = [part for window in windows for part in split(window, chunk)]
-    count = max(1, round(len(pieces) * budget / total))
-    chosen = np.unique(np.linspace(0, len(pieces) - 1, count).round().astype(int))
-    return [pieces[k] for k in chosen]
-
-
-def _tick(windows: Sequence[Window]) -> float:
-    """Return the mean step of the clock, s."""
-    ticks = sum(window.last - 1 - window.first for window in windows)
-    return sum(_length(window) for window in windows) / max(ticks, 1)
-
-
-def _length(window: Window) -> float:
-    time = window.measured.time
-    return float(time[window.last - 1] - time[window.first])
-
-
 class CalibrationInterrupted(KeyboardInterrupt):
     """Calibration was interrupted; `baseline` is as far as it had come."""
 
@@ -255,8 +220,9 @@ def _calibrate(
             [window for item in measured for window in cut_windows(item, noise)]
         )
         declared, rough, arrival = _roughly(dataset, windows, noise, best)
+    rough, reached, told = _with_what_tells(rough, arrival.fit, measured)
     progress("calibrate", 0.4)
-    fit = at_rest(rough, arrival.fit)
+    fit = at_rest(rough, reached)
     best.append(fit.vector)
     progress("calibrate", 0.6)
     noise = refined_noise(rough, fit.residual, noise) | seen.levels
@@ -280,6 +246,7 @@ def _calibrate(
         nuisance,
         (
             *notes_of(outliers),
+            *told,
             *unsteady_notes(uncut.windows, problem.windows),
             *(colour_notes(measured) if seen.colours else ()),
         ),
@@ -287,6 +254,26 @@ def _calibrate(
         arrival.agreed,
         tuple(outliers),
     )
+
+
+def _with_what_tells(
+    rough: Problem, fit: Fit, measured: Sequence[Measured]
+) -> tuple[Problem, Fit, list[str]]:
+    """Return a problem that has windows besides those chosen evenly, its fit, and what is said.
+
+    The same where nothing was left out, or where what was tells nothing new.
+    """
+    more = telling_windows(rough, fit.vector, measured)
+    if not more:
+        return rough, fit, []
+    order = {item.run.name: k for k, item in enumerate(measured)}
+    windows = sorted(
+        [*rough.windows, *more], key=lambda item: (order[item.measured.run.name], item.first)
+    )
+    wider = rough.over(windows)
+    wider.prepare(fit.vector)
+    wider.scale_to(wider.residual(fit.vector))
+    return wider, levenberg_marquardt(wider, fit.vector, fit.free), [note_of(more)]
 
 
 def _rest_is_seen(measured: Sequence[Measured]) -> bool:
@@ -355,12 +342,7 @@ def colour_notes(measured: Sequence[Measured]) -> Iterator[str]:
 
 def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:
     notes = notes_of_runs(measured)
-    total = sum(float(item.time[-1]) for item in measured)
-    ticks = sum(item.time.size - 1 for item in measured)
-    budget = max(BUDGET, BUDGET_TICKS * total / max(ticks, 1))
-    if total > budget:
-        notes = (*notes, f"of {total:.0f} s of training data {budget:.0f} s are simulated, evenly")
-    return notes
+    return (*notes, *thinning_notes(measured))
 
 
 def _as_far_as(

@@ -19,7 +19,8 @@ from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.quiet import coloured_like
 from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
-from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned_windows
+from eha_bench.diagnosis.fit.baseline import STEP, Baseline
+from eha_bench.diagnosis.fit.chosen_windows import thinned_windows
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.own_parameters import OwnValues, like_clocks
 from eha_bench.diagnosis.fit.problem import Problem

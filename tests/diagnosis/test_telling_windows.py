@@ -1,0 +1,93 @@
+"""Of long data a share is fitted; what errs more than all of it is fitted as well."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.windows import cut_windows
+from eha_bench.diagnosis.fit.chosen_windows import thinned_windows, thinning_notes
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.telling_windows import note_of, telling_windows
+from eha_bench.plants.model import load_model
+from eha_bench.plants.plant import Drive
+
+PLANT = """\
+plant: swing
+nodes:
+  axis: {kind: rotation, inertia: 1e-6 kg*m^2}
+elements:
+  arm:  {kind: pendulum, on: axis, mass: 1 kg, length: 1 m}
+  drag: {kind: friction, on: axis, viscous: 0.002 N*m*s/rad, creep_speed: 0 rad/s}
+channels: {angle: axis.angle}
+calibrate: [arm.length, drag.viscous]
+"""
+NOISE = {"angle": 1e-3}
+TICK = 1e-2
+SECONDS = 120.0
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("swing") / "plant.yaml"
+    path.write_text(PLANT)
+    return load_model(path)
+
+
+@pytest.fixture(scope="module")
+def swing(model):
+    time = np.arange(0.0, SECONDS, TICK)
+    out = model.plant.simulate(model.vector(), Drive(time, {}, {"angle": 0.3}), 1e-3)
+    noise = NOISE["angle"] * np.random.default_rng(5).standard_normal(time.size)
+    return time, out[:, model.plant.outputs.index("angle")] + noise
+
+
+def measured_as(model, time, angle):
+    recording = Recording(time, {"angle": angle})
+    run = Run("swing", Path("swing.csv"), None, False, False, Use.TRAIN, lambda: recording)
+    return admit(run, recording, [], model.plant.outputs, roles=model.plant.roles)
+
+
+def fitted(model, measured):
+    chosen = thinned_windows(cut_windows(measured, NOISE))
+    problem = Problem(model.plant, chosen, NOISE, 1e-3)
+    problem.prepare(model.vector())
+    return problem
+
+
+def test_nothing_is_added_for_its_noise(model, swing) -> None:
+    measured = measured_as(model, *swing)
+    problem = fitted(model, measured)
+    assert len(problem.windows) < len(cut_windows(measured, NOISE))
+    assert thinning_notes([measured])
+    assert telling_windows(problem, model.vector(), [measured]) == []
+
+
+def test_the_window_in_which_something_acts_is_added(model, swing) -> None:
+    time, angle = swing
+    every = cut_windows(measured_as(model, time, angle), NOISE)
+    chosen = {window.first for window in fitted(model, measured_as(model, time, angle)).windows}
+    hidden = [window for window in every if window.first not in chosen][3]
+    # something holds the arm for a fifth of a second
+    at = slice(hidden.first + 20, hidden.first + 40)
+    pushed = angle.copy()
+    pushed[at] += 20.0 * NOISE["angle"]
+    measured = measured_as(model, time, pushed)
+    (found,) = telling_windows(fitted(model, measured), model.vector(), [measured])
+    assert found.first <= hidden.first + 20 < found.last
+    assert "in swing, the model errs more" in note_of([found])
+
+
+def test_what_acts_everywhere_adds_nothing(model, swing) -> None:
+    time, angle = swing
+    measured = measured_as(model, time, 1.1 * angle)
+    vector = model.vector()
+    vector[model.plant.layout.index["arm.length"]] *= 1.05
+    problem = fitted(model, measured)
+    added = telling_windows(problem, vector, [measured])
+    assert len(added) <= 0.1 * len(problem.windows)
