@@ -8,6 +8,7 @@ compiled into it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from eha_bench.plants.network.element import BalanceSide, Effort, Friction, HeldSignal
 from eha_bench.plants.network.hooks import CONDUCTANCES, STATES, Hooks
@@ -49,6 +50,22 @@ def njit(function=None, **options):
 def kernel_source(system: System, hooks: Hooks) -> str:
     """Return the source of the kernel of a system with effects in its hooks."""
     return Writer(system, hooks).text()
+
+
+class _Asked(NamedTuple):
+    """What a controller inside the plant asks its motor for, as expressions of the kernel.
+
+    Attributes:
+        reference: number of the column that it follows. of: number and column of the command.
+        reading, speed: of what it controls. period: s. command: by its law.
+    """
+
+    reference: int
+    of: tuple[int, PlantInput]
+    reading: str
+    speed: str
+    period: str
+    command: str
 
 
 class Writer:
@@ -887,6 +904,7 @@ class Writer:
                 at = f"inputs[max(first - 1, 0), {number}] if given[{number}] else 0.0"
                 lines += self._asked_lines(number, column, at)
                 lines.append(f"S[{column.signal}] = asked{number}")
+        lines += self._loops_begin()
         lines.append("start_signals(t, X, P, S, Y)")
         for column_, signal in self._imposable():
             name = next(key for key, place in system.signals.items() if place == signal)
@@ -939,49 +957,91 @@ class Writer:
 
     def _loop_lines(self) -> list[str]:
         """Lines of the controllers inside the plant, once a tick."""
-        system = self.system
         lines = []
-        for name, (part, loop, driven, command) in system.loops.items():
-            number = system.column_for(driven, command)
-            node = part.element.ports[loop.reads]
-            coordinate = system.leader_of(node)
-            shown = system.channel_showing(coordinate.position)
-            reading = system.position(node).replace(
-                f"x{coordinate.number}", f"Y[{coordinate.position}]"
-            )
-            if shown:
-                reading = self.hooks.apply(f"reading:{shown}", reading, ())
-            refs = [
-                k for k, c in enumerate(system.columns)
-                if c.part is part and c.signal == system.signals[f"{name}.{loop.reference}"]
-            ]  # fmt: skip
-            if not refs:
+        for name in self.system.loops:
+            asked = self._asked_by(name, "k", "slope")
+            if asked is None:
                 continue
-            added = [
-                k for k, c in enumerate(system.columns)
-                if c.part is part and c.signal == system.signals[f"{name}.{loop.added}"]
-            ]  # fmt: skip
-            period = system.parameter(part.name, loop.period)
-            value = system.call(
-                part, loop.law, reading="reading", speed="slope", reference=f"inputs[k, {refs[0]}]"
-            )
-            more = f" + (inputs[k, {added[0]}] if given[{added[0]}] else 0.0)" if added else ""
             before, older = f"S[{self._memory_of(name, 0)}]", f"S[{self._memory_of(name, 1)}]"
             lines += [
-                f"if given[{refs[0]}]:",
+                f"if given[{asked.reference}]:",
                 *(f"    {line}" for line in self._show_y()),
-                f"    reading = {reading}",
+                f"    reading = {asked.reading}",
                 "    if k == first and fresh:",
-                f"        {before} = reading - {period} * Y[{coordinate.speed}]",
-                f"        {older} = {before} - {period} * Y[{coordinate.speed}]",
-                f"    slope = (reading - {older}) / (2.0 * {period})",
-                f"    inputs[k, {number}] = {value}{more}",
+                f"        {before} = reading - {asked.period} * {asked.speed}",
+                f"        {older} = {before} - {asked.period} * {asked.speed}",
+                f"    slope = (reading - {older}) / (2.0 * {asked.period})",
+                f"    inputs[k, {asked.of[0]}] = {asked.command}",
                 # a last moment is read again where a session goes on
                 "    if k < last:",
                 f"        {older} = {before}",
                 f"        {before} = reading",
             ]
         return lines
+
+    def _loops_begin(self) -> list[str]:
+        """Lines of what the controllers inside the plant had asked for before the first tick.
+
+        A window may begin in the midst of a motion: a motor without its command would jerk there.
+        """
+        lines = []
+        read = {signal for _, signal in self._imposable()}
+        for name in self.system.loops:
+            asked = self._asked_by(name, "max(first - 1, 0)", "speed")
+            # what flows at the first sample may have been read there
+            if asked is not None and asked.of[1].signal not in read:
+                lines += [
+                    f"if given[{asked.reference}]:",
+                    *(f"    {line}" for line in self._show_y()),
+                    f"    speed = {asked.speed}",
+                    # a period ago
+                    f"    reading = {asked.reading} - {asked.period} * speed",
+                    *(f"    {line}" for line in self._asked_lines(*asked.of, asked.command)),
+                    f"    S[{asked.of[1].signal}] = asked{asked.of[0]}",
+                ]
+        return lines
+
+    def _asked_by(self, name: str, row: str, speed: str) -> _Asked | None:
+        """Return what a controller inside the plant asks for; None where nothing is its reference.
+
+        Args:
+            name: of the controller. row: of the inputs. speed: what it takes for its speed.
+        """
+        system = self.system
+        part, loop, driven, command = system.loops[name]
+        number = system.column_for(driven, command)
+        node = part.element.ports[loop.reads]
+        coordinate = system.leader_of(node)
+        shown = system.channel_showing(coordinate.position)
+        reading = system.position(node).replace(
+            f"x{coordinate.number}", f"Y[{coordinate.position}]"
+        )
+        if shown:
+            reading = self.hooks.apply(f"reading:{shown}", reading, ())
+        own = {
+            signal: [
+                k for k, column in enumerate(system.columns)
+                if column.part is part and column.signal == system.signals[f"{name}.{signal}"]
+            ]
+            for signal in (loop.reference, loop.added)
+        }  # fmt: skip
+        if not own[loop.reference]:
+            return None
+        reference, period = own[loop.reference][0], system.parameter(part.name, loop.period)
+        assert period is not None
+        value = system.call(
+            part, loop.law, reading="reading", speed=speed, reference=f"inputs[{row}, {reference}]"
+        )
+        for added in own[loop.added][:1]:
+            value += f" + (inputs[{row}, {added}] if given[{added}] else 0.0)"
+        return _Asked(
+            reference,
+            (number, system.columns[number]),
+            reading,
+            f"Y[{coordinate.speed}]",
+            period,
+            value,
+        )
 
     def _memory_of(self, loop: str, which: int) -> int:
         """Place in S of a loop's earlier readings, behind all signals."""
