@@ -16,6 +16,7 @@ from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.lost_inputs import LostValues
 from eha_bench.diagnosis.data.noise import noise_of, quantum_of
+from eha_bench.diagnosis.data.repeats import distinct
 from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.wander import Wander
 from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
@@ -158,6 +159,13 @@ class Measured:
             if column is not None and (step := quantum_of(column[np.isfinite(column)])) > 0.0:
                 found[name] = step
         return found
+
+    @cached_property
+    def distinct(self) -> BoolArray:
+        """Which values may be believed and repeat no other one, (n, m)."""
+        columns = np.where(self.valid, self.values, np.nan).T
+        own = [distinct(column) for column in columns]
+        return np.stack(own, axis=1) if own else self.valid
 
     @cached_property
     def jumps(self) -> IndexArray:

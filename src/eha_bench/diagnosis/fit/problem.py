@@ -586,9 +586,9 @@ class Problem:
         ]
         span = slice(window.first, window.last)
         drive = measured.drive(window.first, window.last, history=_HISTORY)
-        valid = measured.valid[span][:, use]
+        compared_at = measured.distinct[span][:, use]
         scale = np.array([self.noise[measured.outputs[at]] for at in use])
-        pick = np.flatnonzero(valid.ravel())
+        pick = np.flatnonzero(compared_at.ravel())
         columns = np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp)
         ticks, channels = np.divmod(pick, columns.size)
         compared = [measured.outputs[at] for at in use]
@@ -603,7 +603,7 @@ class Problem:
             scale[channels],
             np.zeros((pick.size, 0)),
             np.zeros(0),
-            whitening=whitening(measured.time[span], valid, colours),
+            whitening=whitening(measured.time[span], compared_at, colours),
             instants=instants_of(
                 measured,
                 compared,
