@@ -45,7 +45,7 @@ def test_what_was_not_read_is_not_kept_and_parts_no_rest():
 
 
 def test_the_rounding_of_a_place_counts_once():
-    """Of rests at random places the squares of the errors sum to one a rest, in the step's noise."""
+    """The squares of the errors of rests, in the step's noise, sum to one a rest."""
     rng = np.random.default_rng(7)
     # far apart, so that none lies a step from the one before
     places = (4.0 * rng.permutation(400) + rng.uniform(0.0, 1.0, 400)) * STEP

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eha_bench.plants.plant import Drive
 from eha_bench.plants.model import load_model
+from eha_bench.plants.plant import Drive
 
 PLANT = """\
 plant: servo
