@@ -56,9 +56,31 @@ def test_a_command_that_rests_is_known_and_long_holes_are_not_guessed() -> None:
     assert found[[500, 501]].tolist() == [3.0, 3.0]
     assert not unsure.ticks.size
     moves = np.sin(20.0 * TIME)
-    found, unsure = guess_lost(TIME, *_without(moves, [*range(100, 110)]))
-    assert np.isnan(found[100:110]).all()
+    found, unsure = guess_lost(TIME, *_without(moves, [*range(100, 111)]))
+    assert np.isnan(found[100:111]).all()
     assert not unsure.ticks.size
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 10])
+def test_a_smooth_command_of_which_some_in_a_row_are_lost_is_guessed(count: int) -> None:
+    values = 10.0 * np.sin(2 * np.pi * 4.0 * TIME) + 2.0 * np.sin(2 * np.pi * 11.0 * TIME)
+    starts = [*range(60, 1900, 97)]
+    ticks = [start + k for start in starts for k in range(count)]
+    found, unsure = guess_lost(TIME, *_without(values, ticks))
+    error = np.abs(found - values)
+    # beyond three in a row they are unknown together
+    spans = zip(unsure.ticks, unsure.stops, unsure.spread, strict=True)
+    held = [np.sqrt(np.mean(error[a:b] ** 2)) <= s for a, b, s in spans]
+    assert len(held) == len(starts) * (1 if count > 3 else count)
+    assert np.mean(held) > 0.9
+    assert error.max() < 0.05 * np.ptp(values)
+
+
+def test_a_jump_among_many_lost_ones_is_unknown_by_half_of_it() -> None:
+    values = np.where(TIME < 1.0, 2.0, 14.0)
+    _, unsure = guess_lost(TIME, *_without(values, [*range(997, 1004)]))
+    assert (unsure.ticks.tolist(), unsure.stops.tolist()) == ([997], [1004])
+    assert 6.0 <= unsure.spread[0] <= 9.0
 
 
 def test_a_command_on_a_slower_clock_is_lost_until_the_next_one() -> None:

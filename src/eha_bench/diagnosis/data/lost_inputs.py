@@ -2,13 +2,14 @@
 
 A command that was lost in the log still acted. Its neighbours say what it was where it goes
 smoothly, and hardly anything where it jumps: a cubic through two messages on either side is the
-guess, and what such cubics miss the messages nearby by is how far it may be off. Where all of them
-are the same it is known; where many in a row are lost nothing is guessed. What a value unknown by
-so much makes of a simulation counts as noise (`fit.lost_inputs`).
+guess, and what such cubics miss as many messages nearby by is how far it may be off. Where all of
+them are the same it is known; where many in a row are lost nothing is guessed. What a value unknown
+by so much makes of a simulation counts as noise (`fit.lost_inputs`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +23,10 @@ _NEARBY = 3
 _JUMPS = 0.3
 """What cubics miss messages nearby by, as a share of half of what lies between both sides, where a
 command jumps."""
-_MOST = 3
-"""Messages lost in a row that are guessed."""
+_MOST = 10
+"""Messages lost in a row that are guessed; behind more than these a window begins anew."""
+_ALONE = 3
+"""Messages lost in a row up to which each is unknown by itself."""
 
 
 @dataclass(frozen=True)
@@ -53,47 +56,72 @@ def guess_lost(
     """
     out = values.copy()
     there = np.flatnonzero(np.isfinite(values))
-    at = _few_in_a_row(lost & ~np.isfinite(values), np.isfinite(values))
-    if there.size < 2 * _SIDE:
-        none = np.zeros(0, dtype=np.intp)
-        return out, LostValues(none, none, np.zeros(0))
-    t, y = time[there], values[there]
-    place = np.searchsorted(there, at)
-    inside = (place >= 1) & (place < there.size)
-    at, place = at[inside], place[inside]
-    spread = np.zeros(at.size)
-    for k, (tick, after) in enumerate(zip(at, place, strict=True)):
-        near = slice(max(0, after - _SIDE), after + _SIDE)
-        if np.ptp(y[near]) == 0.0:
-            out[tick] = y[near][0]
-            continue
-        out[tick] = _through(t[near], y[near], float(time[tick]))
-        missed = [
-            _through(np.delete(t[own], _SIDE), np.delete(y[own], _SIDE), float(t[j])) - y[j]
-            for j in range(after - _NEARBY, after + _NEARBY)
-            if _SIDE <= j < there.size - _SIDE
-            for own in (slice(j - _SIDE, j + _SIDE + 1),)
-        ]
-        beside = 0.5 * abs(float(y[after] - y[after - 1]))
-        spread[k] = max((abs(value) for value in missed), default=beside)
-        if spread[k] > _JUMPS * beside:
-            # it jumps here, and was what it is on either side
-            spread[k] = max(spread[k], beside)
-        if may_be_held:
-            spread[k] = max(spread[k], abs(float(out[tick] - y[after - 1])))
     acting = np.append(np.flatnonzero(lost | np.isfinite(values)), values.size)
-    stops = acting[np.searchsorted(acting, at) + 1]
-    moves = spread > 0.0
-    held = y[place - 1][moves] if may_be_held else None
-    return out, LostValues(at[moves], stops[moves], spread[moves], held)
+    found: list[tuple[int, int, float, float]] = []
+    if there.size >= 2 * _SIDE:
+        t, y = time[there], values[there]
+        for row, after in _few_in_a_row(lost & ~np.isfinite(values), there):
+            own = row
+            near = slice(max(0, after - _SIDE), after + _SIDE)
+            if np.ptp(y[near]) == 0.0:
+                out[own] = y[near][0]
+                continue
+            out[own] = [_through(t[near], y[near], float(time[tick])) for tick in own]
+            spread = _missed(t, y, after, own.size)
+            if may_be_held:
+                spread = np.maximum(spread, np.abs(out[own] - y[after - 1]))
+            stops = acting[np.searchsorted(acting, own) + 1]
+            if own.size > _ALONE:
+                # what bends between both sides is missed on one side all along
+                own, stops = own[:1], stops[-1:]
+                spread = np.sqrt(np.mean(spread**2, keepdims=True))
+            held = float(y[after - 1])
+            found += [
+                (int(tick), int(stop), float(off), held)
+                for tick, stop, off in zip(own, stops, spread, strict=True)
+                if off > 0.0
+            ]
+    at, until, off, before = zip(*found, strict=True) if found else ((), (), (), ())
+    return out, LostValues(
+        np.array(at, dtype=np.intp),
+        np.array(until, dtype=np.intp),
+        np.array(off),
+        np.array(before) if may_be_held else None,
+    )
 
 
-def _few_in_a_row(lost: BoolArray, there: BoolArray) -> IndexArray:
-    """Return the lost messages of which few follow one another."""
+def _few_in_a_row(lost: BoolArray, there: IndexArray) -> Iterator[tuple[IndexArray, int]]:
+    """Yield lost messages that follow one another, if they are few, and which one is read next."""
     at = np.flatnonzero(lost)
-    before = np.cumsum(there)[at]
-    _, own, count = np.unique(before, return_inverse=True, return_counts=True)
-    return at[count[own] <= _MOST]
+    place = np.searchsorted(there, at)
+    for after in np.unique(place):
+        own = at[place == after]
+        if own.size <= _MOST and 1 <= after < there.size:
+            yield own, int(after)
+
+
+def _missed(t: FloatArray, y: FloatArray, after: int, count: int) -> FloatArray:
+    """Return what cubics miss messages nearby by, where as many in a row are left out, (count,).
+
+    Args:
+        t, y: (m,) messages. after: the first behind those that were lost. count: of these.
+    """
+    first = [*range(after - _NEARBY, after + _NEARBY)]
+    if count > 1:
+        # across those that were lost twice as many are missing: two of these show a jump
+        last = after - _SIDE - count
+        before, behind = range(last - _NEARBY + 1, last + 1), range(_SIDE, _SIDE + _NEARBY)
+        first = [*before, after - count, after, *(after + k for k in behind)]
+    beside = 0.5 * abs(float(y[after] - y[after - 1]))
+    missed = [
+        [abs(_through(t[sides], y[sides], float(t[j])) - y[j]) for j in range(k, k + count)]
+        for k in first
+        if k >= _SIDE and k + count + _SIDE <= t.size
+        for sides in (np.r_[k - _SIDE : k, k + count : k + count + _SIDE],)
+    ]
+    spread = np.max(missed, axis=0) if missed else np.full(count, beside)
+    # where it jumps here, it was what it is on either side
+    return np.where(spread > _JUMPS * beside, np.maximum(spread, beside), spread)
 
 
 def _through(t: FloatArray, y: FloatArray, at: float) -> float:
