@@ -35,9 +35,11 @@ calibrate: [rod.mass, damper.viscous]
 """
 
 
-def calibrated(folder: Path, loads: list[float], masses: list[float]) -> Baseline:
+def calibrated(
+    folder: Path, loads: list[float], masses: list[float], declared: str = PLANT
+) -> Baseline:
     """Calibrate on three runs of a cart, of which the plant says that all are alike."""
-    (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    (folder / "plant.yaml").write_text(declared, encoding="utf-8")
     plant = load_model(folder / "plant.yaml").plant
     noise = np.random.default_rng(4)
     time = np.arange(0.0, 1.5, 2e-3)
@@ -82,6 +84,15 @@ def test_a_mass_that_was_bolted_on_in_one_run_is_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow  # a whole calibration
+@pytest.mark.slow  # a whole calibration
+def test_a_mass_that_is_calibrated_may_differ_as_well(tmp_path: Path) -> None:
+    declared = PLANT.replace("[rod.mass, damper", "[{parameter: added_mass, within: 3 kg}, damper")
+    found = differing(calibrated(tmp_path, [0.0, 0.0, 0.0], [1.0, 1.0, 4.0], declared))
+    assert found is not None
+    assert found.key == "added_mass"
+    assert [*found.values.values()] == pytest.approx([1.0, 1.0, 4.0], abs=0.3)
+
+
 def test_runs_that_are_alike_do_not_differ(tmp_path: Path) -> None:
     # the same load in all of them is something else that is missing
     assert differing(calibrated(tmp_path, [4.0, 4.0, 4.0], [0.0, 0.0, 0.0])) is None

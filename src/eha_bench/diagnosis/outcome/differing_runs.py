@@ -64,14 +64,14 @@ def differing_parameter(base: Baseline, missing: Excess) -> DifferingParameter |
         base: calibrated, with one value for all runs. missing: what is left beside it.
     """
     model, layout = base.dataset.model, base.dataset.model.plant.layout
-    taken = {*model.calibrate, *model.per_run}
-    keys = [key for key in model.plant.changed_between_runs if key not in taken]
+    keys = [key for key in model.plant.changed_between_runs if key not in model.per_run]
     promised = _promised_shares(base, keys) if keys else {}
     found: list[DifferingParameter] = []
     for key in sorted(promised, key=lambda key: -promised[key]):
         if promised[key] < _PROMISED or any(item.share >= _NEARLY_ALL for item in found):
             break
-        own = replace(model, per_run=(*model.per_run, key))
+        shared = tuple(other for other in model.calibrate if other != key)
+        own = replace(model, calibrate=shared, per_run=(*model.per_run, key))
         other = calibrated_baseline(replace(base.dataset, model=own))
         left = excess(other.problem, other.fit)
         share = 1.0 - max(left.relative, 0.0) / missing.relative
