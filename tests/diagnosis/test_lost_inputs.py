@@ -80,6 +80,7 @@ def test_a_jump_among_many_lost_ones_is_unknown_by_half_of_it() -> None:
     values = np.where(TIME < 1.0, 2.0, 14.0)
     _, unsure = guess_lost(TIME, *_without(values, [*range(997, 1004)]))
     assert (unsure.ticks.tolist(), unsure.stops.tolist()) == ([997], [1004])
+    assert unsure.anew.tolist() == [1004]
     assert 6.0 <= unsure.spread[0] <= 9.0
 
 

@@ -136,7 +136,8 @@ def admit(
             hint=f"one of {', '.join(outputs)} must be there and change; it has: "
             f"{', '.join(recording)}; map it in channels.yaml",
         )
-    breaks = _clock(run, time, driven.values, driven.missing, notes)
+    breaks = {*_clock(run, time, driven.values, driven.missing, notes)}
+    breaks |= {int(k) for item in driven.unsure.values() for k in item.anew if k < time.size}
     return Measured(
         run,
         time,
@@ -144,7 +145,7 @@ def admit(
         tuple(names),
         np.column_stack(columns) if columns else np.zeros((time.size, 0)),
         np.column_stack(masks) if masks else np.zeros((time.size, 0), dtype=np.bool_),
-        breaks,
+        tuple(sorted(breaks)),
         tuple(notes),
         held,
         unmoved,

@@ -10,7 +10,7 @@ by so much makes of a simulation counts as noise (`fit.lost_inputs`).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,9 +24,9 @@ _JUMPS = 0.3
 """What cubics miss messages nearby by, as a share of half of what lies between both sides, where a
 command jumps."""
 _MOST = 10
-"""Messages lost in a row that are guessed; behind more than these a window begins anew."""
+"""Messages lost in a row that are guessed."""
 _ALONE = 3
-"""Messages lost in a row up to which each is unknown by itself."""
+"""Messages lost in a row that are each unknown by themselves; behind more a window begins anew."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,14 @@ class LostValues:
         ticks: (k,) where they act from. stops: (k,) where the next message acts.
         spread: (k,) how far the value there may be off, SI.
         held: (k,) what was asked for before, where that may have acted on; None where it may not.
+        anew: (j,) where a message acts behind so many lost ones that windows begin anew.
     """
 
     ticks: IndexArray
     stops: IndexArray
     spread: FloatArray
     held: FloatArray | None = None
+    anew: IndexArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
 
 def guess_lost(
@@ -58,6 +60,7 @@ def guess_lost(
     there = np.flatnonzero(np.isfinite(values))
     acting = np.append(np.flatnonzero(lost | np.isfinite(values)), values.size)
     found: list[tuple[int, int, float, float]] = []
+    anew: list[int] = []
     if there.size >= 2 * _SIDE:
         t, y = time[there], values[there]
         for row, after in _few_in_a_row(lost & ~np.isfinite(values), there):
@@ -75,6 +78,7 @@ def guess_lost(
                 # what bends between both sides is missed on one side all along
                 own, stops = own[:1], stops[-1:]
                 spread = np.sqrt(np.mean(spread**2, keepdims=True))
+                anew.append(int(stops[0]))
             held = float(y[after - 1])
             found += [
                 (int(tick), int(stop), float(off), held)
@@ -87,6 +91,7 @@ def guess_lost(
         np.array(until, dtype=np.intp),
         np.array(off),
         np.array(before) if may_be_held else None,
+        np.array(anew, dtype=np.intp),
     )
 
 

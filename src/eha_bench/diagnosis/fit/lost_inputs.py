@@ -9,7 +9,7 @@ begins. Those whose guesses together make less than the noise are left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,10 @@ _FURTHEST = 3.0
 
 @dataclass(frozen=True)
 class _Pulse:
-    """A lost message: its input, the ticks that it acts over, and how far it may be off, SI."""
+    """A lost message: its input, the ticks that it acts over, and how far it may be off, SI.
+
+    That has the sign of what was asked for before: a drive that saturates answers to one side only.
+    """
 
     name: str
     tick: int
@@ -103,17 +106,12 @@ def _responses(
 ) -> tuple[list[_Pulse], FloatArray, int]:
     """Return lost messages that show, what each does, (N, k), and how many simulations it took."""
     items = [
-        _Pulse(
-            name,
-            max(int(tick) - begin, drive.turns),
-            min(int(stop) - begin, drive.time.size),
-            spread,
-        )
+        pulse
         for name, own in unsure.items()
-        for tick, stop, spread in zip(own.ticks, own.stops, own.spread.tolist(), strict=True)
-        if stop - begin > drive.turns and tick - begin < drive.time.size
+        for pulse in _pulses(name, own, drive, begin)
+        if pulse.stop > drive.turns and pulse.tick < drive.time.size
     ]
-    items.sort(key=lambda item: -item.spread)
+    items.sort(key=lambda item: -abs(item.spread))
     if not items:
         return [], np.zeros((times.size, 0)), 0
     base = residual(drive)
@@ -140,6 +138,16 @@ def _responses(
         for start, stop in zip(begins, [*begins[1:], np.inf], strict=True):
             columns.append(np.where((times >= start) & (times < stop), moved, 0.0))
     return pulses, np.array(columns).reshape(-1, times.size).T, simulations
+
+
+def _pulses(name: str, own: LostValues, drive: Drive, begin: int) -> Iterator[_Pulse]:
+    """Yield the lost messages of an input, by the ticks of a drive that begins at a run's tick."""
+    values = drive.inputs[name]
+    held = np.full(own.ticks.size, np.inf) if own.held is None else own.held
+    for tick, stop, spread, before in zip(own.ticks, own.stops, own.spread, held, strict=True):
+        first, last = max(int(tick) - begin, drive.turns), min(int(stop) - begin, values.size)
+        guess = values[min(first, values.size - 1)]
+        yield _Pulse(name, first, last, float(np.copysign(spread, before - guess)))
 
 
 def _with(drive: Drive, pulses: list[_Pulse], sizes: FloatArray) -> Drive:
