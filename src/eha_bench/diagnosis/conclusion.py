@@ -26,6 +26,7 @@ from eha_bench.diagnosis.outcome.honest import (
 )
 from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
+from eha_bench.diagnosis.outcome.rare_stretches import note_of_rare_stretches
 from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
@@ -90,7 +91,7 @@ class Conclusion:
         if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN:
-            self.found = found = self._with_differing_runs(found)
+            self.found = found = self._with_differing_runs(self._with_rare_stretches(found))
         if found.complete and (why := beyond_training(found, limits)):
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
@@ -126,6 +127,12 @@ class Conclusion:
             "with what was found it does"
         )
         self.decision = replace(self.decision, notes=(*self.decision.notes, note))
+
+    def _with_rare_stretches(self, found: Diagnosis) -> Diagnosis:
+        """Note when what is missing acts, where that is seldom."""
+        for note in note_of_rare_stretches(self.search.problem, self.search.fit.vector):
+            found = found.with_note(note)
+        return found
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
         """Note a load or a mass whose differences between runs explain what is missing."""
