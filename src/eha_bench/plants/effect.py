@@ -97,6 +97,9 @@ class Action:
             holds it well below the fastest that was measured.
         remembers: whether its states follow from what was asked for alone: they start
             at the first command of a recording, and those before a window bring them to its start.
+        unread: state -> function of the effect's parameters and of what is usual at its place
+            (`Spot.usual`), returning how far it may be from `start` in the midst of a motion,
+            where no reading says it; 0: not at all.
     """
 
     hooks: Mapping[str, Callable[..., object]] = field(default_factory=dict)
@@ -115,6 +118,7 @@ class Action:
     opens: Opening | None = None
     fades_by: str = ""
     remembers: bool = False
+    unread: Mapping[str, Callable[..., float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,8 @@ from eha_bench.plants.parameter import Parameter, choice
 
 _MACHINE, _SWINGING, _STEADY = 0.0, 1.0, 2.0
 _SAWTOOTH = 1.0
+_USUAL = 0.1
+"""Share of its pressure that a supply gives way by."""
 
 
 class Others(NamedTuple):
@@ -66,6 +68,11 @@ def follow(sag: float, drawn: float, h: float, resistance: float, recovery_time:
 def at_first() -> float:
     """Return how far the supply has fallen at the first sample, Pa."""
     return 0.0
+
+
+def reach(drawn_by: float, pressure: float) -> float:
+    """Return how far a supply of some pressure may have fallen in the midst of a motion, Pa."""
+    return _USUAL * pressure if drawn_by == _MACHINE else 0.0
 
 
 EFFECT = Effect(
@@ -107,7 +114,10 @@ EFFECT = Effect(
     ),
     actions={
         "supply": Action(
-            {"pressure": sagging_pressure}, advance={"sag": follow}, start={"sag": at_first}
+            {"pressure": sagging_pressure},
+            advance={"sag": follow},
+            start={"sag": at_first},
+            unread={"sag": reach},
         )
     },
     states=("sag",),

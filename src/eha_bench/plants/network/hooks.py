@@ -159,6 +159,17 @@ class Hooks:
         others = [item for item in self._order if not item.action.remembers]
         return self._states_lines("start", others)
 
+    @property
+    def unread(self) -> dict[str, int]:
+        """States of which nothing read says where they begin -> place in `S`."""
+        return {
+            key: self.states[key]
+            for effect in self._order
+            for spot in effect.spots
+            for state in effect.action.unread
+            if (key := f"{effect.id}.{state}@{spot.name}") in self.states
+        }
+
     def _states_lines(self, what: str, effects: Sequence[BoundEffect]) -> list[str]:
         lines = []
         for effect in effects:

@@ -35,6 +35,7 @@ from eha_bench.plants.network.rigid_joint import loosened, rigid_joints
 from eha_bench.plants.network.roles import refuse_unknown_roles, roles_of, usual_effort
 from eha_bench.plants.network.source import kernel_source
 from eha_bench.plants.network.system import BoundElement, System
+from eha_bench.plants.network.unread_states import UnreadState, unread_states
 from eha_bench.plants.plant import Drive, Drives, ElasticPair, Parametrised, Plant
 
 _WORTH_A_BLOCK = 3
@@ -260,6 +261,10 @@ class NetworkPlant(Plant):
         if places.size and (vector[places] != neutral).any():
             return self.compiled, vector, np.zeros(self._hooks.memory)
         return self._bare_compiled, vector[: self.bare.size], np.zeros(self._first_memory + 1)
+
+    def unread_states(self, vector: FloatArray) -> dict[str, UnreadState]:
+        """Return the states of effects that are on of which nothing read says where they begin."""
+        return unread_states(self.layout, vector, self._hooks.unread)
 
     # --- joints that give way ----------------------------------------------------------------
 
@@ -902,6 +907,7 @@ class _Fastest(Parametrised):
         super().__init__(plant, vector)
         self._kernel, self._parameters, memory = plant.kernel_for(vector)
         self._memory = memory.size
+        self._unread = plant.unread_states(vector)
         self._look_back = plant.layout.look_back(vector)
         self._shown = np.zeros(plant.system.size + 1)
         count = plant.system.size + len(plant._imposable)
@@ -957,8 +963,7 @@ class _Fastest(Parametrised):
         out = np.empty((inputs.time.size, len(plant.outputs)))
         first = int(inputs.ticks[drive.first])
         out[:first] = np.nan
-        memory = np.zeros(self._memory)
-        state = plant.start_state(initial, self._kernel, self._parameters, memory)
+        state, memory = self.start(initial)
         # a controller inside the plant writes its command over
         values = (
             inputs.values.copy() if inputs.period > 0.0 or plant.system.loops else inputs.values
@@ -992,14 +997,17 @@ class _Fastest(Parametrised):
         plant = self.plant
         parameters = np.require(self._parameters, np.float64, ["C", "W"])
         inputs = plant.inputs_of_each(drives, self.vector)
+        read_first, unread = zip(*map(self._parted, initials), strict=True)
         settle, simulate = many.addresses(self._kernel)
         chosen = np.asarray(which, dtype=np.intp)
         ends = np.concatenate(([0], np.cumsum(np.diff(inputs.edges)[chosen])))
         out = np.empty((int(ends[-1]), len(plant.outputs)))
         memories = np.zeros((chosen.size, self._memory))
         shown = np.zeros((chosen.size, self._shown.size))
-        states, read = plant._as_read(initials, parameters)
+        states, read = plant._as_read(read_first, parameters)
         many.settle_each(settle, read, parameters, memories, shown, states)
+        for memory, own_unread in zip(memories, unread, strict=True):
+            self._remember(memory, own_unread)
         if plant._closed_circuits:
             for state, own in zip(states, read, strict=True):
                 plant._charge(parameters, state, own)
@@ -1022,7 +1030,29 @@ class _Fastest(Parametrised):
     def start(self, initial: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Return the state behind what the sensors read first, and the kernel's memory."""
         memory = np.zeros(self._memory)
-        return self.plant.start_state(initial, self._kernel, self._parameters, memory), memory
+        read, unread = self._parted(initial)
+        state = self.plant.start_state(read, self._kernel, self._parameters, memory)
+        self._remember(memory, unread)
+        return state, memory
+
+    def _parted(
+        self, initial: Mapping[str, float]
+    ) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Return what a first state says of the plant's states, and of its effects' own."""
+        if initial.keys().isdisjoint(self._unread):
+            return initial, {}
+        own = {name: value for name, value in initial.items() if name in self._unread}
+        return {name: value for name, value in initial.items() if name not in own}, own
+
+    def _remember(self, memory: FloatArray, unread: Mapping[str, float]) -> None:
+        """Put what a first state says of the effects' own states into a kernel's memory."""
+        for name, value in unread.items():
+            memory[self._unread[name].place] = value
+
+    @property
+    def hidden(self) -> Mapping[str, float]:
+        """How far what its effects hold may be from where it begins, in the midst of a motion."""
+        return {name: item.reach for name, item in self._unread.items()}
 
     def advance(
         self,

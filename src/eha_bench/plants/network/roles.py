@@ -836,6 +836,7 @@ def _supply(system: System) -> Iterator[Spot]:
             {"pressure": (Hook(f"pressure:{node.name}"),)},
             {"drawn": shown_expression(system, " + ".join(drawn)) if drawn else "0.0", "t": "S[1]",
              "pressure": f"S[{system.signals[f'{node.name}.pressure']}]"},
+            usual={"pressure": pressure},
         )  # fmt: skip
 
 

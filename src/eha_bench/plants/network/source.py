@@ -863,7 +863,10 @@ class Writer:
     def _simulate(self) -> None:
         system = self.system
         body = ['"""Advance from tick `first` to tick `last`; see `NetworkPlant.advance`."""',
-                "if fresh:", "    memory[:] = 0.0",
+                "if fresh:",
+                # what a first state says of them comes on top of what they begin at
+                *(f"    more{place} = memory[{place}]" for place in self.hooks.unread.values()),
+                "    memory[:] = 0.0",
                 "P = pointer(parameters)", "S = pointer(memory)", "X = pointer(shown)",
                 "Y = pointer(state)", "is_imposed = pointer(imposes.view(np.uint8))",
                 *self._activate(), f"S[{system.signals[BYPASS]}] = 1.0 if bypass_open else 0.0",
@@ -913,6 +916,7 @@ class Writer:
                 lines += [f"if not math.isnan(Y[{column_}]):", f"    S[{signal}] = Y[{column_}]"]
             del name
         lines.append("start_effects(t, X, P, S, Y)")
+        lines += [f"S[{place}] += more{place}" for place in self.hooks.unread.values()]
         if self._warms_up:
             lines += self._warm_up()
         return lines
