@@ -21,6 +21,8 @@ from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _LINEAR = 0.0
+_LONG = 10.0
+"""Distance, in usual ones, from which bristles are long beside the way between two reversals."""
 
 
 def bend(bristle: float, speed: float, h: float, distance: float, softening: float) -> float:
@@ -35,6 +37,14 @@ def bend(bristle: float, speed: float, h: float, distance: float, softening: flo
 def at_first(speed: float, slow: float) -> float:
     """Return how far the bristles are bent at the first sample."""
     return min(1.0, max(-1.0, speed / slow))
+
+
+def reach(distance: float, position: float) -> float:
+    """Return how far bristles may be from bent to the end in the midst of a motion, 0 ... 1.
+
+    Short ones are bent as soon as it goes on; long ones may not have been when it turned last.
+    """
+    return distance / (distance + _LONG * position)
 
 
 def sticks(level: float) -> float:
@@ -68,7 +78,10 @@ EFFECT = Effect(
     ),
     actions={
         "friction": Action(
-            {"sticks": sticks, "net": pull}, advance={"bristle": bend}, start={"bristle": at_first}
+            {"sticks": sticks, "net": pull},
+            advance={"bristle": bend},
+            start={"bristle": at_first},
+            unread={"bristle": reach},
         )
     },
     states=("bristle",),
