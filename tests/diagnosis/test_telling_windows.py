@@ -91,3 +91,15 @@ def test_what_acts_everywhere_adds_nothing(model, swing) -> None:
     problem = fitted(model, measured)
     added = telling_windows(problem, vector, [measured])
     assert len(added) <= 0.1 * len(problem.windows)
+
+
+def test_a_window_in_which_all_rests_has_a_reading(model, swing) -> None:
+    time, angle = swing
+    rests = np.where(time < 40.0, np.round(angle, 3), round(float(angle[4000]), 3))
+    measured = measured_as(model, time, rests)
+    assert measured.distinct[5000:].sum() <= 1
+    for span in (slice(5000, 5100), slice(11000, 11100)):
+        assert measured.distinct_within(span).sum() == 1
+    problem = Problem(model.plant, cut_windows(measured, NOISE), NOISE, 1e-3)
+    problem.prepare(model.vector())
+    assert all(piece.ticks.size for piece in problem.pieces)

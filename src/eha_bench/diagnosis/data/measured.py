@@ -167,6 +167,17 @@ class Measured:
         own = [distinct(column) for column in columns]
         return np.stack(own, axis=1) if own else self.valid
 
+    def distinct_within(self, span: slice) -> BoolArray:
+        """Return the same over some ticks; where all of them rest, one of each channel is left."""
+        found = self.distinct[span]
+        if found.any():
+            return found
+        one = np.zeros_like(found)
+        for column, valid in enumerate(self.valid[span].T):
+            read = np.flatnonzero(valid)
+            one[read[read.size // 2 : read.size // 2 + 1], column] = True
+        return one
+
     @cached_property
     def jumps(self) -> IndexArray:
         """Ticks at which an input jumps, in their order; what is logged there is from before."""

@@ -85,7 +85,7 @@ def input_noise_of(
         own, count = _responses(drive, name, sizes, lambda other: residual(other) - base)
         columns += own
         simulations += count
-    return InputNoise(np.array(columns).reshape(-1, base.size).T, vector, simulations)
+    return InputNoise(np.array(columns).reshape(len(columns), base.size).T, vector, simulations)
 
 
 def _responses(

@@ -137,7 +137,7 @@ def _responses(
         begins = [float(drive.time[item.tick]) for item in batch]
         for start, stop in zip(begins, [*begins[1:], np.inf], strict=True):
             columns.append(np.where((times >= start) & (times < stop), moved, 0.0))
-    return pulses, np.array(columns).reshape(-1, times.size).T, simulations
+    return pulses, np.array(columns).reshape(len(columns), times.size).T, simulations
 
 
 def _pulses(name: str, own: LostValues, drive: Drive, begin: int) -> Iterator[_Pulse]:

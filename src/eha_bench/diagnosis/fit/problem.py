@@ -586,7 +586,7 @@ class Problem:
         ]
         span = slice(window.first, window.last)
         drive = measured.drive(window.first, window.last, history=_HISTORY)
-        compared_at = measured.distinct[span][:, use]
+        compared_at = measured.distinct_within(span)[:, use]
         scale = np.array([self.noise[measured.outputs[at]] for at in use])
         pick = np.flatnonzero(compared_at.ravel())
         columns = np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp)
