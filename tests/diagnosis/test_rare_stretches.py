@@ -9,7 +9,7 @@ import pytest
 
 from eha_bench.diagnosis.fit.problem import Piece
 from eha_bench.diagnosis.outcome.rare_stretches import (
-    Stretch,
+    RunStretch,
     note_of_rare_stretches,
     rare_stretches,
 )
@@ -53,7 +53,7 @@ def test_a_push_is_found_in_its_run_at_its_time(noise) -> None:
     noise["chirp"][1210:1240] += 30.0
     noise["steps"][410:424] += 30.0
     found, share, time = rare_stretches(Recorded(noise), VECTOR)
-    assert found == [Stretch("chirp", 12.0, 12.5), Stretch("steps", 4.0, 4.25)]
+    assert found == [RunStretch("chirp", 12.0, 12.5), RunStretch("steps", 4.0, 4.25)]
     assert share > 0.8
     assert time == pytest.approx(0.75 / 40.0)
     (note,) = note_of_rare_stretches(Recorded(noise), VECTOR)

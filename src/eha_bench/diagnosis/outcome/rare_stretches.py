@@ -27,7 +27,7 @@ _SAID = 4
 """Stretches that a sentence names."""
 
 
-class Stretch(NamedTuple):
+class RunStretch(NamedTuple):
     """A part of a run, s from its first sample."""
 
     run: str
@@ -35,7 +35,7 @@ class Stretch(NamedTuple):
     stop: float
 
 
-def rare_stretches(problem: Problem, vector: FloatArray) -> tuple[list[Stretch], float, float]:
+def rare_stretches(problem: Problem, vector: FloatArray) -> tuple[list[RunStretch], float, float]:
     """Return the stretches in which nearly all of the excess lies; none where these are many.
 
     Args:
@@ -91,12 +91,12 @@ def _bins(time: FloatArray) -> list[int]:
     return [math.floor(instant / _LENGTH) for instant in time]
 
 
-def _joined(chosen: Sequence[tuple[str, int]]) -> list[Stretch]:
+def _joined(chosen: Sequence[tuple[str, int]]) -> list[RunStretch]:
     """Return stretches of which neighbours are one."""
-    found: list[Stretch] = []
+    found: list[RunStretch] = []
     for run, number in sorted(chosen):
         start, stop = number * _LENGTH, (number + 1) * _LENGTH
         if found and found[-1].run == run and found[-1].stop == start:
             start = found.pop().start
-        found.append(Stretch(run, start, stop))
+        found.append(RunStretch(run, start, stop))
     return found

@@ -10,12 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
-from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.evidence import compare
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.exchange import CLOSE
+from eha_bench.diagnosis.search.hidden_starts import with_hidden_starts
 from eha_bench.diagnosis.search.refit import (
     Near,
     free_of,
@@ -25,7 +26,7 @@ from eha_bench.diagnosis.search.refit import (
     refit,
 )
 from eha_bench.diagnosis.search.screen import Screen, Screened
-from eha_bench.diagnosis.search.settle import refine, weighed_again
+from eha_bench.diagnosis.search.settle import refine
 from eha_bench.diagnosis.search.start_angles import with_own_angles
 from eha_bench.diagnosis.search.state import (
     RankedCandidate,
@@ -84,7 +85,7 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)
-    finals = _with_hidden_starts(search, finals)
+    finals = with_hidden_starts(search, finals)
     finals = [_with_comparison(search, item) for item in _fit_rivals_further(search, finals)]
     finals.sort(key=lambda item: item.fit.cost)
     if first:
@@ -190,23 +191,6 @@ def _refit_promising(
         done.append(replace(trial, fit=to_the_end(search, trial.fit, [trial.start])))
         top = max(top, search.fit.cost - done[-1].fit.cost)
     return done
-
-
-def _with_hidden_starts(search: Search, finals: Sequence[Refit]) -> list[Refit]:
-    """Leave open what the best candidate hides of each window's start, for it and for all others.
-
-    Nothing read says how a soft joint is bent there. Where that is open for all alike, nothing is
-    believed only because it is.
-    """
-    best = min(finals, key=lambda item: item.fit.cost, default=None)
-    if best is None or not search.problem.hides_more(best.fit.vector):
-        return [*finals]
-    problem = search.problem.apart()
-    problem.prepare_starts(best.fit.vector)
-    search.problem = problem
-    search.fit = weighed_again(problem, search.fit)
-    search.excess_left = excess(problem, search.fit)
-    return [replace(item, fit=weighed_again(problem, item.fit)) for item in finals]
 
 
 def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
