@@ -123,6 +123,14 @@ def test_half_of_the_excess_is_a_verdict_and_less_is_not(
     assert (more in told.notes) is whole
 
 
+@pytest.mark.parametrize(("other", "alone"), [(1.05, True), (1.5, False)])
+def test_what_remains_in_one_sensor_is_said_to(other: float, alone: bool) -> None:
+    rest = beyond(0.2, pressure_a=6.8, pressure_b=other)
+    told = verdict(search(0.5, rest, found("backlash")))
+    assert told.verdict is Verdict.EFFECT
+    assert told.notes[-1].startswith("what remains shows in 'pressure_a' alone, by 2.6") is alone
+
+
 def test_nothing_left_and_nothing_found_is_none() -> None:
     told = verdict(search(0.5, beyond(0.029)))
     assert (told.verdict, told.unknown) == (Verdict.NONE, None)

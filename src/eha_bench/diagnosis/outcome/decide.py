@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.candidates import LEARNED
-from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
@@ -19,6 +20,8 @@ from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
 from eha_bench.diagnosis.unknown.places import places_of
 
+_LOUD, _QUIET = 2.0, 1.1
+"""Mean square of a channel, in the noise's, from which it errs, and up to which it does not."""
 _TIMES = 9.0
 """Share above the noise from which a note counts in times the noise, not in per cent."""
 
@@ -63,6 +66,7 @@ def decide(
     if search.effects and (not unexplained or share >= limits.explained):
         if unexplained:
             notes.append("the causes found do not explain everything: something else is missing")
+            notes += _in_one_channel(rest)
         return Decision(Verdict.EFFECT, search.fit, tuple(notes), None)
     if not unexplained:
         if rest.relative > limits.rest:
@@ -89,6 +93,18 @@ def _remaining(after: float, before: float) -> str:
     if left == was:
         return f"the error is {left}"
     return f"the error that remains is {left} ({was.removesuffix(' above the noise')} before)"
+
+
+def _in_one_channel(rest: Excess) -> list[str]:
+    """Say where only one of several channels errs: what acts on a machine shows in more than it."""
+    order = sorted(rest.by_channel, key=lambda name: -rest.by_channel[name])
+    if len(order) < 2 or rest.by_channel[order[0]] < _LOUD or rest.by_channel[order[1]] > _QUIET:
+        return []
+    times = math.sqrt(rest.by_channel[order[0]])
+    return [
+        f"what remains shows in '{order[0]}' alone, by {times:.2g} times its noise: its sensor may "
+        "be at fault, and then the causes found may only imitate that"
+    ]
 
 
 def _above(share: float) -> str:
