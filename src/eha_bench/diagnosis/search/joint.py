@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, Improvement, compare, excess
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
 from eha_bench.diagnosis.search.forms import take_best_form
@@ -140,7 +141,8 @@ def _best(search: Search) -> Nearby | None:
     plausible = (_PLAUSIBLE_BENT if bent else _PLAUSIBLE) * near.excess
     good = [p for p in pairs.values() if near.fit.cost - _cost(p) > plausible]
     good = sorted(good, key=_cost)[:_FINALISTS]
-    done = [Nearby(p.starts, near.long(p)) for p in good]
+    done = side_by_side(lambda pair: Nearby(pair.starts, near.long(pair)), good)
+    # what polishes prepares the search's own windows: one after the other
     done = [Nearby(p.starts, polish_at_rest(search, p.fit, p.starts)) for p in done]
     return min(done, key=_cost, default=None)
 
