@@ -4,7 +4,8 @@ Of long data a share is fitted, chosen evenly. What acts in few instants (iron t
 valve that opens at peaks of the pressure) may lie between: a model that fits every chosen window is
 then called complete. One simulation of what was left out at the calibrated parameters tells where
 it errs beyond chance and beyond all that was seen; those windows are fitted as well. Where nothing
-is missing none does, so no window is chosen for its noise.
+is missing none does, so no window is chosen for its noise. Where much is missing in what was chosen
+none is added: a measured machine errs somewhere most, and that is no better place to learn from.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ from eha_bench.diagnosis.fit.chosen_windows import budget_of, chunks, length
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.problem import Problem, soften
 
+_SHOWS = 0.1
+"""Mean excess of the chosen windows, in the noise's, from which what is missing shows in them: more
+of it would weigh only where a model errs most."""
 _BEYOND_CHANCE = 6.0
 """Standard deviations of a window's mean square beyond which chance makes it in no diagnosis."""
 _BEYOND_SEEN = 2.0
@@ -45,7 +49,10 @@ def telling_windows(
     others = _left_out(chunks(every), problem.windows)
     if not others:
         return []
-    seen = max(excess for excess, _ in _excesses(problem, vector))
+    chosen = [excess for excess, _ in _excesses(problem, vector)]
+    if float(np.mean(chosen)) > _SHOWS * SOFT_MEAN:
+        return []
+    seen = max(chosen)
     unseen = problem.over(others)
     unseen.prepare(vector)
     found = [
