@@ -16,7 +16,13 @@ from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome import decide as module
-from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
+from eha_bench.diagnosis.outcome.decide import (
+    Decision,
+    _is_their_law,
+    decide,
+    in_held_out,
+    without_curve,
+)
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.outcome.refusal import Refusal, placed_by_refusals
 from eha_bench.diagnosis.search.state import Accepted, Search
@@ -278,6 +284,24 @@ def test_else_it_is_taken_for_an_imitation(
     # what was only assumed stays, and the fit is that without the effect
     assert [item.start.candidate for item in state.accepted] == ["parameter:mass"]
     assert state.fit is state.base
+
+
+@pytest.mark.parametrize(
+    ("variable", "law", "same"),
+    [("air_pressure", "p_a", True), ("pressure_sum", "p_a", True), ("rod_speed", "p_a", False),
+     ("air_pressure", "speed", False)],
+)  # fmt: skip
+def test_a_curve_of_the_pressure_that_an_effect_follows_is_the_same_cause(
+    variable: str, law: str, same: bool
+) -> None:
+    laws = {"p_a": lambda level, p_a: level + p_a, "speed": lambda level, speed: level + speed}
+    effect = SimpleNamespace(id="seal", action=SimpleNamespace(hooks={"dry": laws[law]}))
+    plant = SimpleNamespace(
+        layout=SimpleNamespace(effects=(effect,)), units={"air_pressure": "Pa", "rod_speed": "m/s"}
+    )
+    state: Any = SimpleNamespace(problem=SimpleNamespace(plant=plant))
+    told = Unknown("force", (variable,), "", 0.6)
+    assert _is_their_law(state, [found("seal", "force")], told) is same
 
 
 def test_a_curve_is_credited_by_the_loss_that_it_was_fitted_with(curves: Curves) -> None:

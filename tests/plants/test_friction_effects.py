@@ -539,7 +539,9 @@ def two_masses() -> np.ndarray:
     # the weight leans on the lower end, and squeezes it
     squeezed = hung * 9.80665 * np.sin(0.3) / STIFFNESS
     first = [0.3, 0.0, 0.3 - 0.5 * GAP - squeezed, 0.0]
-    found = solve_ivp(slope, (0.0, 2.0), first, "LSODA", SWING, rtol=1e-9, atol=1e-11, max_step=1e-4)
+    found = solve_ivp(
+        slope, (0.0, 2.0), first, "LSODA", SWING, rtol=1e-9, atol=1e-11, max_step=1e-4
+    )
     return found.y[0]
 
 

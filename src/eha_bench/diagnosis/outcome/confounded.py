@@ -50,7 +50,7 @@ def confounding_notes(
     Args:
         measured: runs that were fitted. effects: those that were found.
     """
-    pressed = [effect.id for effect in effects if _wants(effect) & _PRESSED]
+    pressed = [effect.id for effect in effects if follows_pressure(effect)]
     if not pressed or len(measured) < _FEWEST:
         return ()
     notes = []
@@ -89,6 +89,11 @@ def zero_offset_notes(
                 f"{per_cent(heavier, 1)} larger, look the same; read the angle where it hangs"
             )
     return tuple(notes)
+
+
+def follows_pressure(effect: BoundEffect) -> bool:
+    """Whether the laws of an effect name a pressure."""
+    return bool(_wants(effect) & _PRESSED)
 
 
 def _wants(effect: BoundEffect) -> set[str]:

@@ -12,9 +12,10 @@ from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.outcome.confounded import follows_pressure
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.outcome.refusal import Refusal, placed_by_refusals
-from eha_bench.diagnosis.search.state import Search
+from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
@@ -120,7 +121,8 @@ def _beside_a_remainder(
 
     A measured machine keeps a remainder that no law of a few numbers explains, and effects may well
     be a part of what is missing. An imitation is told by where it acts: in another balance than
-    what is missing, or a curve with as many numbers as it has knots explains as much there.
+    what is missing, or a curve with as many numbers as it has knots explains as much there. A curve
+    of the pressure that an effect follows is no rival of it: it is the same cause in another form.
     """
     known = search.snapshot()
     names = ", ".join(item.start.candidate for item in known.effects)
@@ -132,7 +134,8 @@ def _beside_a_remainder(
     place = found.unknown.equation
     there = all(item.start.equation == place for item in known.effects)
     much = search.thresholds.is_much(search.excess_base)
-    if not (much and there and found.unknown.share < search.thresholds.beaten * share):
+    beaten = found.unknown.share >= search.thresholds.beaten * share
+    if not (much and there and (not beaten or _is_their_law(search, known.effects, found.unknown))):
         return found
     search.restore(known)
     text = (
@@ -142,6 +145,17 @@ def _beside_a_remainder(
         f"and a curve of one variable would explain {per_cent(max(found.unknown.share, 0.0))} of it"
     )
     return Decision(Verdict.EFFECT, search.fit, (*notes, text), None)
+
+
+def _is_their_law(search: Search, items: Sequence[Accepted], unknown: Unknown) -> bool:
+    """Whether a curve follows a pressure, and so does an effect that was found."""
+    plant = search.problem.plant
+    named = {item.start.candidate for item in items}
+    if not any(effect.id in named and follows_pressure(effect) for effect in plant.layout.effects):
+        return False
+    return bool(unknown.variables) and all(
+        name.startswith("pressure_") or plant.units.get(name) == "Pa" for name in unknown.variables
+    )
 
 
 def _unknown(
