@@ -15,6 +15,7 @@ from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.quiet import (
+    _forgets,
     _swings,
     coloured_like,
     quiet_stretches,
@@ -275,3 +276,11 @@ def test_a_smooth_sensor_alone_does_not_swing() -> None:
         other = lfilter([1.0], [1.0, -0.9], generator.standard_normal(1128))[1000:]
         found += _swings({"pressure_a": smooth, "pressure_b": other})
     assert found <= 10
+
+
+@pytest.mark.parametrize(("partial", "forgets"), [(0.9, True), (0.97, False), (0.99, False)])
+def test_what_is_not_forgotten_within_half_a_stretch_is_a_motion(
+    partial: float, forgets: bool
+) -> None:
+    """An arm that creeps by a step of its encoder now and then is not a sensor that remembers."""
+    assert _forgets(Colour((partial,)), 32) is forgets

@@ -40,6 +40,8 @@ _TOGETHER = 0.8
 """Correlation of two readings, one perhaps later, from which they swing together."""
 _LATER = 0.25
 """Longest delay between them, as a share of a stretch."""
+_FORGOTTEN = 0.5
+"""Correlation up to which noise has forgotten."""
 _ALIKE = 0.05
 """What sampling periods may differ by and still be the same, as a share of them."""
 
@@ -81,7 +83,18 @@ def _colours(measured: Sequence[Measured]) -> dict[str, Colour]:
             for name, values in stretch.items():
                 if shows_noise(values, item.steps.get(name, 0.0)):
                     stretches.setdefault(name, []).append(values)
-    return {name: colour for name, own in stretches.items() if (colour := colour_of(own))}
+    found = {name: colour_of(own) for name, own in stretches.items()}
+    return {
+        name: colour
+        for name, colour in found.items()
+        if colour is not None and _forgets(colour, stretches[name][0].size)
+    }
+
+
+def _forgets(colour: Colour, samples: int) -> bool:
+    """Whether noise forgets within half a stretch: what does not may as well be a slow motion."""
+    half = samples // 2
+    return bool(colour.correlations(half + 1)[half] < _FORGOTTEN)
 
 
 def shows_noise(values: FloatArray, step: float) -> bool:
