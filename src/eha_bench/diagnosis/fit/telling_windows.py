@@ -30,8 +30,6 @@ _BEYOND_CHANCE = 6.0
 """Standard deviations of a window's mean square beyond which chance makes it in no diagnosis."""
 _BEYOND_SEEN = 2.0
 """Multiple of the largest excess of a chosen window that one has to have to tell something new."""
-
-
 _MORE = 0.25
 """Share of what is simulated at most that is added at most."""
 
