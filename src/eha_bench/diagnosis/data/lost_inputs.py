@@ -9,7 +9,7 @@ by so much makes of a simulation counts as noise (`fit.lost_inputs`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -58,41 +58,80 @@ def guess_lost(
     """
     out = values.copy()
     there = np.flatnonzero(np.isfinite(values))
-    acting = np.append(np.flatnonzero(lost | np.isfinite(values)), values.size)
-    found: list[tuple[int, int, float, float]] = []
-    anew: list[int] = []
+    gaps: list[_Gap] = []
     if there.size >= 2 * _SIDE:
-        t, y = time[there], values[there]
-        for row, after in _few_in_a_row(lost & ~np.isfinite(values), there):
-            own = row
-            near = slice(max(0, after - _SIDE), after + _SIDE)
-            if np.ptp(y[near]) == 0.0:
-                out[own] = y[near][0]
-                continue
-            out[own] = [_through(t[near], y[near], float(time[tick])) for tick in own]
-            spread = _missed(t, y, after, own.size)
-            if may_be_held:
-                spread = np.maximum(spread, np.abs(out[own] - y[after - 1]))
+        messages = _Commands(time[there], values[there])
+        acting = np.append(np.flatnonzero(lost | np.isfinite(values)), values.size)
+        for own, after in _few_in_a_row(lost & ~np.isfinite(values), there):
+            out[own] = messages.guessed(time[own], after)
+            spread = messages.spread(out[own], after, may_be_held=may_be_held)
             stops = acting[np.searchsorted(acting, own) + 1]
-            if own.size > _ALONE:
-                # what bends between both sides is missed on one side all along
-                own, stops = own[:1], stops[-1:]
-                spread = np.sqrt(np.mean(spread**2, keepdims=True))
-                anew.append(int(stops[0]))
-            held = float(y[after - 1])
-            found += [
-                (int(tick), int(stop), float(off), held)
-                for tick, stop, off in zip(own, stops, spread, strict=True)
-                if off > 0.0
-            ]
-    at, until, off, before = zip(*found, strict=True) if found else ((), (), (), ())
-    return out, LostValues(
-        np.array(at, dtype=np.intp),
-        np.array(until, dtype=np.intp),
-        np.array(off),
-        np.array(before) if may_be_held else None,
-        np.array(anew, dtype=np.intp),
+            gaps.append(_Gap(own, stops, spread, float(values[there[after - 1]])))
+    return out, _unknown_in(gaps, may_be_held=may_be_held)
+
+
+@dataclass(frozen=True)
+class _Gap:
+    """Messages lost in a row: where each acts, until when, how far it may be off; and the last."""
+
+    ticks: IndexArray
+    stops: IndexArray
+    spread: FloatArray
+    before: float
+
+
+def _unknown_in(gaps: Sequence[_Gap], *, may_be_held: bool) -> LostValues:
+    """Return what is unknown in gaps; of a long one all together, as it bends to one side."""
+    moving = [gap for gap in gaps if gap.spread.any()]
+    long = [gap for gap in moving if gap.ticks.size > _ALONE]
+    parts = [
+        _Gap(
+            gap.ticks[:1],
+            gap.stops[-1:],
+            np.sqrt(np.mean(gap.spread**2, keepdims=True)),
+            gap.before,
+        )
+        if gap.ticks.size > _ALONE
+        else gap
+        for gap in moving
+    ]
+    ticks = np.concatenate([np.zeros(0, dtype=np.intp), *(gap.ticks for gap in parts)])
+    stops = np.concatenate([np.zeros(0, dtype=np.intp), *(gap.stops for gap in parts)])
+    spread = np.concatenate([np.zeros(0), *(gap.spread for gap in parts)])
+    held = np.concatenate([np.zeros(0), *(np.full(gap.ticks.size, gap.before) for gap in parts)])
+    known = spread > 0.0
+    anew = np.array([int(gap.stops[-1]) for gap in long], dtype=np.intp)
+    return LostValues(
+        ticks[known], stops[known], spread[known], held[known] if may_be_held else None, anew
     )
+
+
+@dataclass(frozen=True)
+class _Commands:
+    """The messages of an input that are there: when, s, and what, SI."""
+
+    time: FloatArray
+    values: FloatArray
+
+    def guessed(self, at: FloatArray, after: int) -> FloatArray:
+        """Return the cubic through the messages round a gap, at some instants.
+
+        Args:
+            at: (k,) s. after: the first message behind the gap.
+        """
+        near = slice(max(0, after - _SIDE), after + _SIDE)
+        if np.ptp(self.values[near]) == 0.0:
+            return np.full(at.size, self.values[near][0])
+        found = [_through(self.time[near], self.values[near], float(instant)) for instant in at]
+        return np.array(found)
+
+    def spread(self, guess: FloatArray, after: int, *, may_be_held: bool) -> FloatArray:
+        """Return how far a guess may be off: none where the messages round the gap are the same."""
+        if np.ptp(self.values[max(0, after - _SIDE) : after + _SIDE]) == 0.0:
+            return np.zeros(guess.size)
+        missed = _missed(self.time, self.values, after, guess.size)
+        before = float(self.values[after - 1])
+        return np.maximum(missed, np.abs(guess - before)) if may_be_held else missed
 
 
 def _few_in_a_row(lost: BoolArray, there: IndexArray) -> Iterator[tuple[IndexArray, int]]:
