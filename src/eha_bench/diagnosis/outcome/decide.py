@@ -149,11 +149,13 @@ def _beside_a_remainder(
 
 def _is_their_law(search: Search, items: Sequence[Accepted], unknown: Unknown) -> bool:
     """Whether a curve follows a pressure, and so does an effect that was found."""
+    if not unknown.variables:
+        return False
     plant = search.problem.plant
     named = {item.start.candidate for item in items}
     if not any(effect.id in named and follows_pressure(effect) for effect in plant.layout.effects):
         return False
-    return bool(unknown.variables) and all(
+    return all(
         name.startswith("pressure_") or plant.units.get(name) == "Pa" for name in unknown.variables
     )
 
