@@ -133,12 +133,6 @@ def test_what_follows_the_time_comes_from_the_drive_and_what_follows_speed_does_
     clock = replace(machine, template=Template("force", "additive", "motor", "time"))
     assert by_what_it_follows([less], [clock], drive) == [less]
     assert by_what_it_follows([less], [clock], torque) == [clock]
-    # whatever is asked for, something pushes: a motor that does so by itself is rarer
-    push = replace(driven, template=Template("actuation", "additive", "motor", "time"))
-    assert by_what_it_follows([push], [clock], drive) == [clock]
-    assert by_what_it_follows([push], [replace(clock, share=0.6)], drive) == [push]
-    oil = replace(clock, template=Template("flow", "additive", "chambers", "time"))
-    assert by_what_it_follows([push], [oil], drive) == [push]
 
 
 DECLARED = {"rotor_inertia": 1e-3, "leakage": 1e-13, "current_limit": 36.0}

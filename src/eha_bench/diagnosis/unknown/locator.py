@@ -34,7 +34,6 @@ from eha_bench.diagnosis.unknown.places import (
     places_of,
     usual_size,
 )
-from eha_bench.plants.effect import Equation
 from eha_bench.plants.effects.learned import KNOTS as CURVE_KNOTS
 
 _ROUNDS = 3
@@ -340,27 +339,18 @@ def by_what_it_follows(
     drive's curve has to explain as much as the machine's: a command that nearly goes with the speed
     explains nearly as much, so all of it where the machine is believed and follows what it knows.
     Or anything, where the drive is believed and the best that the machine could do instead is what
-    it cannot: follow the time. But what comes and goes with the time, whatever is asked for, is a
-    push on what moves: no log tells it from a motor that gives as much by itself, which is rarer.
+    it cannot: follow the time.
     """
     if not driven or not machine:
         return driven or machine
     own, theirs = driven[0].template.variable, machine[0].template.variable
     ours = best.equation == "actuation"
     least = _AS_GOOD * machine[0].share
-    if own == theirs == "time" and _is_a_push(driven[0], machine[0]):
-        least = machine[0].share / _AS_GOOD
-    elif theirs == "time" and ours:
+    if theirs == "time" and ours:
         least = 0.0
     elif not ours and "time" not in (own, theirs) and own != theirs:
         least = machine[0].share
     return driven if driven[0].share > max(least, _TELLING) else machine
-
-
-def _is_a_push(driven: LocatedCurve, machine: LocatedCurve) -> bool:
-    """Whether a drive's curve and a machine's are one: a force that nothing scales."""
-    moves = machine.template.equation in (Equation.TORQUE, Equation.FORCE)
-    return moves and driven.template.form == machine.template.form == "additive"
 
 
 def believed_place(offered: Sequence[SupportedPlace]) -> SupportedPlace:
