@@ -174,21 +174,27 @@ def test_oil_in_chambers_and_reservoir_is_kept() -> None:
 @pytest.mark.parametrize("name", PLANTS)
 def test_every_effect_moves_what_is_measured_of_a_foreign_plant(name: str) -> None:
     plant = PLANTS[name]
-    rng = np.random.default_rng(1)
     runs = [shortened(d) for d in plant.drives(np.random.default_rng(0))[1:3]]
     step = 4.0 * STEP[plant.kind]
     declared = [Machine(plant.kind, plant.declared()).run(run, step).readings for run in runs]
-    for effect in (*plant.listed, *plant.foreign):
+    for number, effect in enumerate((*plant.listed, *plant.foreign)):
         base = plant.declared() | Settings(effect.without)
-        form = effect.draw(rng)
-        with_it = base | form.settings(form.limit)
+        rng = np.random.default_rng([1, number])
         most = 0.0
-        for run, still in zip(runs, declared, strict=True):
-            without = Machine(plant.kind, base).run(run, step).readings if effect.without else still
-            moved = Machine(plant.kind, with_it).run(run, step).readings
-            off = (moved - without)[:, list(plant.readings)] / plant.floor
-            assert np.isfinite(off).all(), effect.key
-            most = max(most, float(np.sqrt(np.mean(off**2, axis=0)).max()))
+        # a relief valve that hardly opens in these runs is drawn anew, as for a case
+        for _ in range(3):
+            form = effect.draw(rng)
+            with_it = base | form.settings(form.limit)
+            for run, still in zip(runs, declared, strict=True):
+                without = (
+                    Machine(plant.kind, base).run(run, step).readings if effect.without else still
+                )
+                moved = Machine(plant.kind, with_it).run(run, step).readings
+                off = (moved - without)[:, list(plant.readings)] / plant.floor
+                assert np.isfinite(off).all(), effect.key
+                most = max(most, float(np.sqrt(np.mean(off**2, axis=0)).max()))
+            if most > 0.5:
+                break
         assert most > 0.5, effect.key
 
 
