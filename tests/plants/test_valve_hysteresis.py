@@ -15,6 +15,7 @@ from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 
 WIDTH, FULL = 0.06, 10.0
+PLAY, JUMP = 0.0, 2.0
 
 
 def valve(form: str, effect: str = "valve_hysteresis") -> Model:
@@ -29,19 +30,14 @@ def spool(model: Model, drive: Drive) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("held", "asked", "found"),
-    [(0.0, 0.2, 0.0), (0.0, 0.4, 0.1), (0.0, -1.0, -0.7), (2.0, 2.0, 2.0)]
+    ("form", "held", "asked", "found"),
+    [(PLAY, 0.0, 0.2, 0.0), (PLAY, 0.0, 0.4, 0.1), (PLAY, 0.0, -1.0, -0.7), (PLAY, 2.0, 2.0, 2.0),
+     (JUMP, 0.0, 0.2, 0.0), (JUMP, 0.0, 0.4, 0.4), (JUMP, 0.0, -1.0, -1.0), (JUMP, 2.0, 2.25, 2.0)]
 )  # fmt: skip
-def test_a_play_holds_within_half_its_width(held, asked, found) -> None:
-    assert whole(held, asked, FULL, WIDTH, 0.0) == pytest.approx(found)
-
-
-@pytest.mark.parametrize(
-    ("held", "asked", "found"),
-    [(0.0, 0.2, 0.0), (0.0, 0.4, 0.4), (0.0, -1.0, -1.0), (2.0, 2.25, 2.0)]
-)  # fmt: skip
-def test_a_sticking_valve_jumps_to_what_is_asked_for(held, asked, found) -> None:
-    assert whole(held, asked, FULL, WIDTH, 2.0) == pytest.approx(found)
+def test_half_the_width_is_held_then_a_play_carries_and_a_jump_follows(
+    form, held, asked, found
+) -> None:
+    assert whole(held, asked, FULL, WIDTH, form) == pytest.approx(found)
 
 
 def test_a_rounded_loop_is_as_wide_as_a_play() -> None:

@@ -79,28 +79,30 @@ class _Gap:
     spread: FloatArray
     before: float
 
+    @property
+    def is_long(self) -> bool:
+        """Whether its messages are unknown together."""
+        return self.ticks.size > _ALONE
+
+    @property
+    def together(self) -> _Gap:
+        """A long one as one message, as what bends is missed on one side all along."""
+        if not self.is_long:
+            return self
+        spread = np.sqrt(np.mean(self.spread**2, keepdims=True))
+        return _Gap(self.ticks[:1], self.stops[-1:], spread, self.before)
+
 
 def _unknown_in(gaps: Sequence[_Gap], *, may_be_held: bool) -> LostValues:
-    """Return what is unknown in gaps; of a long one all together, as it bends to one side."""
+    """Return what is unknown in gaps."""
     moving = [gap for gap in gaps if gap.spread.any()]
-    long = [gap for gap in moving if gap.ticks.size > _ALONE]
-    parts = [
-        _Gap(
-            gap.ticks[:1],
-            gap.stops[-1:],
-            np.sqrt(np.mean(gap.spread**2, keepdims=True)),
-            gap.before,
-        )
-        if gap.ticks.size > _ALONE
-        else gap
-        for gap in moving
-    ]
+    parts = [gap.together for gap in moving]
     ticks = np.concatenate([np.zeros(0, dtype=np.intp), *(gap.ticks for gap in parts)])
     stops = np.concatenate([np.zeros(0, dtype=np.intp), *(gap.stops for gap in parts)])
     spread = np.concatenate([np.zeros(0), *(gap.spread for gap in parts)])
     held = np.concatenate([np.zeros(0), *(np.full(gap.ticks.size, gap.before) for gap in parts)])
     known = spread > 0.0
-    anew = np.array([int(gap.stops[-1]) for gap in long], dtype=np.intp)
+    anew = np.array([int(gap.stops[-1]) for gap in moving if gap.is_long], dtype=np.intp)
     return LostValues(
         ticks[known], stops[known], spread[known], held[known] if may_be_held else None, anew
     )
@@ -119,19 +121,27 @@ class _Commands:
         Args:
             at: (k,) s. after: the first message behind the gap.
         """
-        near = slice(max(0, after - _SIDE), after + _SIDE)
-        if np.ptp(self.values[near]) == 0.0:
+        near = self._near(after)
+        if self._rests(after):
             return np.full(at.size, self.values[near][0])
         found = [_through(self.time[near], self.values[near], float(instant)) for instant in at]
         return np.array(found)
 
     def spread(self, guess: FloatArray, after: int, *, may_be_held: bool) -> FloatArray:
         """Return how far a guess may be off: none where the messages round the gap are the same."""
-        if np.ptp(self.values[max(0, after - _SIDE) : after + _SIDE]) == 0.0:
+        if self._rests(after):
             return np.zeros(guess.size)
         missed = _missed(self.time, self.values, after, guess.size)
         before = float(self.values[after - 1])
         return np.maximum(missed, np.abs(guess - before)) if may_be_held else missed
+
+    def _near(self, after: int) -> slice:
+        """Return the messages round a gap."""
+        return slice(max(0, after - _SIDE), after + _SIDE)
+
+    def _rests(self, after: int) -> bool:
+        """Whether the messages round a gap are the same."""
+        return float(np.ptp(self.values[self._near(after)])) == 0.0
 
 
 def _few_in_a_row(lost: BoolArray, there: IndexArray) -> Iterator[tuple[IndexArray, int]]:

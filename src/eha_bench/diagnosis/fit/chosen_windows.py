@@ -53,12 +53,23 @@ def length(window: Window) -> float:
 
 def thinning_notes(measured: Sequence[Measured]) -> list[str]:
     """Say how much of the training data is simulated, where it is not all."""
+    if not is_thinned(measured):
+        return []
+    total, budget = _total_and_budget(measured)
+    return [f"of {total:.0f} s of training data {budget:.0f} s are simulated, evenly"]
+
+
+def is_thinned(measured: Sequence[Measured]) -> bool:
+    """Whether training data are longer than what is simulated of them."""
+    total, budget = _total_and_budget(measured)
+    return total > budget
+
+
+def _total_and_budget(measured: Sequence[Measured]) -> tuple[float, float]:
+    """Return how long runs are, and how much of them is simulated at most, s."""
     total = sum(float(item.time[-1]) for item in measured)
     ticks = sum(item.time.size - 1 for item in measured)
-    budget = _budget(total / max(ticks, 1))
-    if total <= budget:
-        return []
-    return [f"of {total:.0f} s of training data {budget:.0f} s are simulated, evenly"]
+    return total, _budget(total / max(ticks, 1))
 
 
 def _budget(tick: float) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import Window, cut_windows
-from eha_bench.diagnosis.fit.chosen_windows import budget_of, chunks, length
+from eha_bench.diagnosis.fit.chosen_windows import budget_of, chunks, is_thinned, length
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.problem import Problem, soften
 
@@ -43,6 +43,8 @@ def telling_windows(
         problem: over the chosen windows, prepared. vector: parameters fitted to it.
         measured: runs that the windows were chosen from.
     """
+    if not is_thinned(measured):
+        return []
     every = [window for item in measured for window in cut_windows(item, problem.noise)]
     others = _left_out(chunks(every), problem.windows)
     if not others:

@@ -38,11 +38,10 @@ class _Opened:
     """A candidate with what it hides open.
 
     Attributes:
-        problem: with that open in every window. item: the candidate, fitted roughly there.
+        item: the candidate, fitted roughly with that open in every window.
         left: what it leaves of what is missing there, and `share`: the part that it takes.
     """
 
-    problem: Problem
     item: Refit
     left: float
     share: float
@@ -58,20 +57,18 @@ def with_hidden_starts(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     if best is None:
         return [*finals]
     opened = _best_opened(search, finals, best)
-    if opened is not None:
-        problem, kept = opened.problem, opened.item
-    elif search.problem.hides_more(best.fit.vector):
-        problem, kept = _prepared(search.problem, best.fit.vector), None
-    else:
+    if opened is None and not search.problem.hides_more(best.fit.vector):
         return [*finals]
+    hiding = best if opened is None else opened.item
+    problem = _prepared(search.problem, hiding.fit.vector)
     search.problem = problem
     search.fit = weighed_again(problem, search.fit)
     search.excess_left = excess(problem, search.fit)
     found = [replace(item, fit=weighed_again(problem, item.fit)) for item in finals]
-    if kept is None:
+    if opened is None:
         return found
-    done = replace(kept, fit=polish_at_rest(search, kept.fit, [kept.start]))
-    return [done, *(item for item in found if item.candidate != kept.candidate)]
+    done = replace(hiding, fit=polish_at_rest(search, hiding.fit, [hiding.start]))
+    return [done, *(item for item in found if item.candidate != hiding.candidate)]
 
 
 def _best_opened(search: Search, finals: Sequence[Refit], best: Refit) -> _Opened | None:
@@ -116,8 +113,7 @@ def _opened(search: Search, item: Refit, starts: Sequence[Start]) -> _Opened:
     without = weighed_again(problem, search.fit)
     missing = excess(problem, without).total
     left = missing - (without.cost - best.fit.cost)
-    fine = _prepared(search.problem, best.fit.vector)
-    return _Opened(fine, best, left, 1.0 - left / max(missing, 1.0))
+    return _Opened(best, left, 1.0 - left / max(missing, 1.0))
 
 
 def _prepared(problem: Problem, vector: FloatArray) -> Problem:

@@ -34,13 +34,13 @@ def unread_states(
     for effect in layout.effects:
         if not effect.action.unread:
             continue
+        if vector[layout.index[f"{effect.id}.{effect.strength.name}"]] == effect.neutral:
+            continue
         own = {
             item.name: float(vector[layout.index[f"{effect.id}.{item.name}"]])
             for item in effect.parameters
             if item.size == 1
         }
-        if own[effect.strength.name] == effect.neutral:
-            continue
         for spot in effect.spots_at(own):
             known = {**spot.usual, **own}
             for state, function in effect.action.unread.items():
