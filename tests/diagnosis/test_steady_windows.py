@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import admit
+sys.path.insert(0, str(Path(__file__).parent))
+
+from swinging_arm import arm, measured_as, swung
+
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Piece, Problem
 from eha_bench.diagnosis.fit.settled import settled_fit
 from eha_bench.diagnosis.fit.steady_windows import cut_alike, steady_problem, unsteady_notes
-from eha_bench.plants.model import load_model
-from eha_bench.plants.plant import Drive
 
-PLANT = """\
-plant: swing
-nodes:
-  axis: {kind: rotation, inertia: 1e-6 kg*m^2}
-elements:
-  arm:  {kind: pendulum, on: axis, mass: 1 kg, length: 1 m}
-  drag: {kind: friction, on: axis, viscous: 0.02 N*m*s/rad, creep_speed: 0 rad/s}
-channels: {angle: axis.angle}
-calibrate: [arm.length, drag.viscous]
-"""
 NOISE = {"angle": 1e-4}
 TICK = 2e-3
 STEP = 2e-3
@@ -36,19 +26,14 @@ TICKS = 400
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("swing") / "plant.yaml"
-    path.write_text(PLANT)
-    return load_model(path)
+    return arm(tmp_path_factory.mktemp("swing"), 0.02)
 
 
 def _windows(model, name, count, angle=0.1):
     """So many windows of a run in which an arm swings."""
     time = TICK * np.arange(TICKS * count)
-    out = model.plant.simulate(model.vector(), Drive(time, {}, {"angle": angle}), 1e-4)
     noise = NOISE["angle"] * np.random.default_rng(3).standard_normal(time.size)
-    recording = Recording(time, {"angle": out[:, model.plant.outputs.index("angle")] + noise})
-    run = Run(name, Path("swing.csv"), None, False, False, Use.TRAIN, lambda: recording)
-    measured = admit(run, recording, [], model.plant.outputs, roles=model.plant.roles)
+    measured = measured_as(model, time, swung(model, time, angle, noise, 1e-4), name)
     return [window_at(measured, TICKS * k, TICKS * (k + 1), NOISE) for k in range(count)]
 
 

@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import admit
+sys.path.insert(0, str(Path(__file__).parent))
+
+from swinging_arm import arm, measured_as, swung
+
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.chosen_windows import thinned_windows, thinning_notes
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.telling_windows import note_of, telling_windows
-from eha_bench.plants.model import load_model
-from eha_bench.plants.plant import Drive
 
-PLANT = """\
-plant: swing
-nodes:
-  axis: {kind: rotation, inertia: 1e-6 kg*m^2}
-elements:
-  arm:  {kind: pendulum, on: axis, mass: 1 kg, length: 1 m}
-  drag: {kind: friction, on: axis, viscous: 0.002 N*m*s/rad, creep_speed: 0 rad/s}
-channels: {angle: axis.angle}
-calibrate: [arm.length, drag.viscous]
-"""
 NOISE = {"angle": 1e-3}
 TICK = 1e-2
 SECONDS = 120.0
@@ -34,23 +24,14 @@ SECONDS = 120.0
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("swing") / "plant.yaml"
-    path.write_text(PLANT)
-    return load_model(path)
+    return arm(tmp_path_factory.mktemp("swing"), 0.002)
 
 
 @pytest.fixture(scope="module")
 def swing(model):
     time = np.arange(0.0, SECONDS, TICK)
-    out = model.plant.simulate(model.vector(), Drive(time, {}, {"angle": 0.3}), 1e-3)
     noise = NOISE["angle"] * np.random.default_rng(5).standard_normal(time.size)
-    return time, out[:, model.plant.outputs.index("angle")] + noise
-
-
-def measured_as(model, time, angle):
-    recording = Recording(time, {"angle": angle})
-    run = Run("swing", Path("swing.csv"), None, False, False, Use.TRAIN, lambda: recording)
-    return admit(run, recording, [], model.plant.outputs, roles=model.plant.roles)
+    return time, swung(model, time, 0.3, noise, 1e-3)
 
 
 def fitted(model, measured):
