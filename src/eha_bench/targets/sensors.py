@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Annotated
 
 import numpy as np
@@ -11,7 +11,8 @@ from pydantic import Field
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
-from eha_bench.core.errors import UnitError
+from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.core.near_miss import suggest
 from eha_bench.core.units import Unit, parse
 from eha_bench.core.yaml_file import Real, StrictModel
 
@@ -56,6 +57,34 @@ RIG_SENSORS: dict[str, SimulatedSensor] = {
     "joint_angle": SimulatedSensor(noise="0.005 deg", resolution="0.0055 deg"),
 }
 """Sensors of a rig like the paper's: 12-bit pressure over 60 MPa, a 16-bit encoder at the knee."""
+
+
+def check_sensors(
+    sensors: Mapping[str, SimulatedSensor],
+    channels: Collection[str],
+    units: Mapping[str, str],
+    place_of: Callable[[str], Place],
+) -> None:
+    """Refuse a sensor of a channel that a target does not have, or in another unit.
+
+    Args:
+        sensors: by channel, as a target.yaml has them. channels: that the target records.
+        units: SI units of channels. place_of: channel -> where its sensor stands in the file.
+
+    Raises:
+        InputError: with file, line and key.
+    """
+    for channel, sensor in sensors.items():
+        if channel not in channels:
+            raise InputError(
+                f"a sensor of '{channel}', which the target does not record",
+                where=place_of(channel),
+                hint=suggest(channel, channels),
+            )
+        try:
+            sensor.in_si(channel, units.get(channel))
+        except UnitError as error:
+            raise InputError(error.what, where=place_of(channel), hint=error.hint) from error
 
 
 class SensorNoise:

@@ -13,7 +13,7 @@ from eha_bench.control.controller import Context
 from eha_bench.control.controller_file import ControllerSet, load_controllers
 from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
-from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import Bounds
 from eha_bench.core.shipped import shipped_file
 from eha_bench.core.trial import Bypass, Piston, Trial
@@ -23,7 +23,7 @@ from eha_bench.plants.model import Model, model_from
 from eha_bench.plants.session import Session
 from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.closed_loop import ClosedLoop
-from eha_bench.targets.sensors import RIG_SENSORS, SimulatedSensor
+from eha_bench.targets.sensors import RIG_SENSORS, SimulatedSensor, check_sensors
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 
 # a quarter of the step at which the load's oscillation on the oil spring is integrated to 1e-4
@@ -243,13 +243,14 @@ def simulator_from_file(path: Path) -> Simulator:
     content = yaml_file.load(path)
     file = yaml_file.validate(SimulatorFile, content, str(path), kind="target")
     model = model_from(yaml_file.file_beside(path, content, "model"))
-    for channel, sensor in (file.sensors or {}).items():
+
+    def place_of(channel: str) -> Place:
         line = yaml_file.line_of(content, ["sensors", channel])
-        try:
-            sensor.in_si(channel, model.plant.units.get(channel))
-        except UnitError as error:
-            where = Place(file=str(path), line=line, key=f"sensors.{channel}")
-            raise InputError(error.what, where=where, hint=error.hint) from error
+        return Place(file=str(path), line=line, key=f"sensors.{channel}")
+
+    plant = model.plant
+    recorded = (*plant.outputs, *plant.derived_channels)
+    check_sensors(file.sensors or {}, recorded, plant.units, place_of)
     own = yaml_file.file_beside(path, content, "controller") if file.controller else None
     return Simulator(
         model,

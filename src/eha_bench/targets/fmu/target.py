@@ -31,6 +31,7 @@ from eha_bench.targets.fmu.description import Description, Places, Variable
 from eha_bench.targets.fmu.process import Process
 from eha_bench.targets.fmu.session import FmuSession
 from eha_bench.targets.fmu.target_file import FmuFile, VariableFile
+from eha_bench.targets.sensors import check_sensors
 from eha_bench.targets.target import Ending, Identity, Outcome, Stopping, Target, never
 
 POSITIONS = ("joint_angle", "piston_position")
@@ -78,10 +79,12 @@ class FmuTarget(Target):
         }
         self._piston = self._setup_variable("piston")
         self._bypass = self._setup_variable("bypass")
-        self._check_sensors()
         model = self._beside("model", file.model)
         self._model: Model | None = model_from(model) if model else None
         self._linkage = _linkage(self._model)
+        check_sensors(
+            file.sensors, self._channels, self._units, lambda name: self._place("sensors", name)
+        )
         controller = self._beside("controller", file.controller)
         self._controllers = load_controllers(controller or shipped_file("controllers/paper.yaml"))
 
@@ -150,14 +153,6 @@ class FmuTarget(Target):
         if entry is None:
             return None
         return self._description.start(entry.variable, None, None, self._at("setup", what))
-
-    def _check_sensors(self) -> None:
-        for channel, sensor in self._file.sensors.items():
-            try:
-                sensor.in_si(channel, self._units.get(channel))
-            except UnitError as error:
-                where = self._place("sensors", channel)
-                raise InputError(error.what, where=where, hint=error.hint) from error
 
     # --- what it is -------------------------------------------------------------
 
