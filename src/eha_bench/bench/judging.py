@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,9 +16,11 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
+from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.metrics import accepted, judge_repeats, score
 from eha_bench.metrics.repeats_summary import summaries
+from eha_bench.metrics.scoring import check_reference
 from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
 from eha_bench.suites.trial_source import definition_of
@@ -26,6 +28,8 @@ from eha_bench.suites.trial_source import definition_of
 RECORDINGS = "recordings"
 """Target of a result whose recordings were made earlier or elsewhere."""
 
+_WHOLE = 0.98
+"""Share of a trial's duration from which a recording of it is whole."""
 
 Scorer = Callable[[Recording, Trial], tuple[Score, ...]]
 """Gives a recording's scores: those that a trial's limits ask for come first."""
@@ -47,9 +51,22 @@ def judge(recording: Recording, trial: Trial, repeat: int, scorer: Scorer = scor
         sha256="",
         scores=scores,
         reason=reason,
-        notes=(*recording.notes, *([loop] if loop else [])),
+        notes=(*recording.notes, *_ends_early(recording, trial), *([loop] if loop else [])),
         definition=definition_of(trial.source),
     )
+
+
+def _ends_early(recording: Recording, trial: Trial) -> Iterator[str]:
+    """Say where a log that is judged by its own reference is shorter than its trial.
+
+    Of any other trial what is missing is asked for, and its metrics say so.
+    """
+    signal = trial.signal
+    if not isinstance(signal, FromRecording) or len(recording) < 2:
+        return
+    length = float(recording.time[-1] - recording.time[0])
+    if length < _WHOLE * trial.duration and trial.duration < signal.duration:
+        yield f"the recording lasts {length:.4g} s, and the trial {trial.duration:.4g} s"
 
 
 def _withheld(item: Score, reason: str) -> Score:
@@ -123,6 +140,7 @@ def score_recordings(
         for key, found in digests.items():
             found.add(recording.metadata.get(key, ""))
         circumstances.add(recording)
+        check_reference(recording, chosen, Place(file=str(path)))
         repeat = sum(result.id == chosen.id for result in done)
         judged = judge(recording, chosen, repeat)
         used[chosen.id, repeat] = chosen

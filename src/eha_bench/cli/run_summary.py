@@ -53,6 +53,7 @@ def summary_lines(
     parts = [
         _stops(result, verbose=verbose, colour=colour),
         _first(lines, verbose=verbose),
+        _notes(result, verbose=verbose),
         _trials(result, verbose=verbose, colour=colour),
         [_verdict(result, colour=colour)],
     ]
@@ -77,6 +78,16 @@ def _stops(result: Result, *, verbose: bool, colour: bool) -> list[str]:
         if repeats[trial] > 1 or which != [0]:
             name += f", repeat{'s' * (len(which) > 1)} {', '.join(map(str, which))}"
         lines.append(f"{paint(name, _COLOURS[status], on=colour)}: {reason}")
+    return _first(lines, verbose=verbose)
+
+
+def _notes(result: Result, *, verbose: bool) -> list[str]:
+    """What recordings are to be known for, a line a note with the trials of which it holds."""
+    trials: dict[str, dict[str, None]] = {}
+    for run in result.trials:
+        for note in run.notes:
+            trials.setdefault(note, {})[run.id] = None
+    lines = [f"note: {', '.join(names)}: {note}" for note, names in trials.items()]
     return _first(lines, verbose=verbose)
 
 

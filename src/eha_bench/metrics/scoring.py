@@ -12,6 +12,7 @@ from eha_bench.core.errors import (
     EhaBenchError,
     InputError,
     MissingChannelError,
+    Place,
     PluginError,
     UnitError,
 )
@@ -121,6 +122,26 @@ def _check(recording: object, trial: object) -> None:
             f"{trial!r} is not a trial",
             hint="take one of eha_bench.suites.load_suite('suite.yaml').trials, or let "
             "`eha-bench score --trial` find it by its id",
+        )
+    check_reference(recording, trial)
+
+
+def check_reference(recording: Recording, trial: Trial, where: Place | None = None) -> None:
+    """Refuse a recording whose `reference` is no quantity that the trial controls.
+
+    Args:
+        recording: of the trial. trial: it. where: the recording, for the message.
+
+    Raises:
+        UnitError: its unit has another dimension.
+    """
+    recorded, asked = recording.units.get("reference", ""), trial.mode.unit
+    if recorded and asked and recorded != asked:
+        raise UnitError(
+            f"its reference is in {recorded}, and trial '{trial.id}' controls {trial.channel}, in "
+            f"{asked}",
+            where=where,
+            hint="map 'reference' in channels.yaml in a unit of that dimension",
         )
 
 

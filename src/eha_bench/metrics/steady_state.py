@@ -27,6 +27,7 @@ from eha_bench.metrics.step_response import (
     initial_window,
     magnitude,
     require_finite,
+    require_hold,
 )
 from eha_bench.metrics.window import Timeline, edges_of, timeline
 
@@ -50,7 +51,7 @@ class SteadyStateError(Metric):
             raise NotScored(f"{channel} is not what the reference asks for ({trial.channel} is)")
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
-        edges = edges_of(recording, trial)
+        edges = _held_edges(recording, trial, line)
         return _largest(line, data, edges, [edge.after for edge in edges])
 
 
@@ -73,8 +74,16 @@ class HoldingCurrent(Metric):
             raise NotScored(f"{channel} is not a current")
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
-        edges = edges_of(recording, trial)
+        edges = _held_edges(recording, trial, line)
         return _largest(line, data, edges, [None] * len(edges))
+
+
+def _held_edges(recording: Recording, trial: Trial, line: Timeline) -> Sequence[Edge]:
+    """Return the edges as recorded, all of which are held for as long as their end is scored."""
+    edges = edges_of(recording, trial)
+    for edge, asked in zip(edges, trial.signal.edges, strict=True):
+        require_hold(line, edge, asked, trial.duration)
+    return edges
 
 
 def _value(line: Timeline, data: Samples, edge: Edge, target: float | None) -> float:

@@ -360,7 +360,7 @@ def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[S
     for number, edge in enumerate(edges):
         start = edges[number - 1].time if number else float(line.time[0])
         asked = trial.signal.edges[number]
-        _require_hold(line, edge, asked, trial.duration)
+        require_hold(line, edge, asked, trial.duration)
         response = _respond(line, data, edge, start, asked.time)
         if channel == trial.channel and (response.step > 0) != (edge.after > edge.before):
             raise NotScored(
@@ -371,7 +371,16 @@ def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[S
     return tuple(responses)
 
 
-def _require_hold(line: Timeline, edge: Edge, asked: Edge, trial_end: float) -> None:
+def require_hold(line: Timeline, edge: Edge, asked: Edge, trial_end: float) -> None:
+    """Refuse to score a step of which the first half of the hold is not recorded whole.
+
+    Args:
+        line: of the recording. edge: as recorded. asked: the same edge as the trial has it.
+        trial_end: s.
+
+    Raises:
+        NotScored: the recording ends before.
+    """
     end = float(line.time[-1]) + line.period
     hold = min(asked.until, trial_end) - asked.time
     if edge.until >= end - 0.5 * line.period and end - edge.time < 0.5 * hold:
