@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import toeplitz
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 from eha_bench.diagnosis.data.colour import (
     Colour,
@@ -16,6 +16,7 @@ from eha_bench.diagnosis.data.colour import (
     colour_of,
 )
 from eha_bench.diagnosis.data.noise import noise_of
+from eha_bench.diagnosis.fit.residual_colour import swings
 from eha_bench.diagnosis.fit.whitening import whitening
 
 partials = st.lists(st.floats(-0.95, 0.95), min_size=1, max_size=4).map(tuple)
@@ -146,3 +147,18 @@ def test_a_mean_of_noise_that_remembers_is_off_by_more() -> None:
     assert Colour((0.7,)).loudness_of_mean(400) == pytest.approx(np.sqrt(1.7 / 0.3))
     # but never by more than one sample
     assert Colour((0.7,)).loudness_of_mean(1) == 1.0
+
+
+@pytest.mark.parametrize("cutoff", [0.2, 0.4, 0.6])
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_all_of_the_noise_behind_a_sampled_filter_is_seen(order, cutoff) -> None:
+    """A Butterworth filter has a zero at half the sampling rate, and an autoregression none."""
+    generator = np.random.default_rng(11)
+    numerator, denominator = butter(order, cutoff)
+    read = lfilter(numerator, denominator, generator.standard_normal(60_000))[1000:]
+    read /= read.std()
+    colour = colour_of([read[k : k + 128] for k in range(0, 40 * 128, 128)])
+    assert colour is not None
+    new = colour.whitened(read)
+    assert noise_of(new) / colour.sharpness == pytest.approx(1.0, abs=0.1)
+    assert not swings(colour)

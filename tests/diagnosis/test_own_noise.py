@@ -80,7 +80,9 @@ def test_a_channel_in_short_windows_is_no_louder_than_what_is_left_of_it(
 ) -> None:
     rng = np.random.default_rng(3)
     size, count = 40, 50
-    measured = SimpleNamespace(run=SimpleNamespace(name="one"), steps={}, input_noise={})
+    measured = SimpleNamespace(
+        run=SimpleNamespace(name="one"), steps={}, input_noise={}, colours={}
+    )
     windows = [SimpleNamespace(measured=measured, first=0) for _ in range(count)]
     ticks, channels = np.arange(size), np.zeros(size, dtype=np.intp)
     pieces = [Piece(k, slice(k * size, (k + 1) * size), ticks, channels) for k in range(count)]

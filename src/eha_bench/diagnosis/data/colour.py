@@ -12,13 +12,15 @@ err apart, differences tell too much of the noise, and nothing passes for missin
 
 What is not white is taken as autoregressive, by restricted maximum likelihood with the parabolas as
 what is not of interest (Cooper, Thompson, Biometrika 64 (1977) 625, doi:10.1093/biomet/64.3.625),
-of the order that Akaike's criterion asks for.
+of the order that Akaike's criterion asks for. A sampled filter of second order or more has a zero
+at half the sampling rate, which no short process has: what is new by it is sharper than it seems,
+too little of the noise by its differences, so how sharp it is found to be belongs to a colour.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 
 import numpy as np
@@ -26,6 +28,7 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import minimize
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.data.noise import THIRD
 
 _DEGREE = 2
 _FLICKERS = 0.5
@@ -34,7 +37,9 @@ _FEWEST = 256
 """Least number of quiet samples of a channel: a correlation of 0.3 is then seen."""
 _NOT_BY_CHANCE = 4.26
 """In standard errors: one white channel in a hundred thousand is taken for coloured."""
-_ORDERS = 4
+_ORDERS = 8
+_IN_VAIN = 2
+"""Orders in a row that are not worth it, after which no higher one is tried."""
 _LONGEST = 256
 """Most samples of a stretch in a fit: its cost is cubic in them."""
 _MOST = 300
@@ -48,9 +53,12 @@ class Colour:
 
     Attributes:
         partial: partial autocorrelations, one for each order.
+        sharpness: root mean square of what is new in the noise by its third differences, over that
+            by itself; 1 where the process is exactly the noise's.
     """
 
     partial: tuple[float, ...]
+    sharpness: float = 1.0
 
     @cached_property
     def predictors(self) -> tuple[tuple[FloatArray, float], ...]:
@@ -181,15 +189,30 @@ def _fit_colour(stretches: Sequence[FloatArray]) -> Colour:
 
     best: tuple[float, Colour] | None = None
     start = np.zeros(0)
+    in_vain = 0
     for order in range(1, _ORDERS + 1):
         start = np.append(start, 0.5 if order == 1 else 0.0)
         done = minimize(cost_of, start, method="BFGS", options={"gtol": 1e-2})
         start = np.asarray(done.x, dtype=np.float64)
         cost = float(done.fun) + 2.0 * order
+        in_vain += 1
         if best is None or cost < best[0]:
-            best = cost, _colour(start)
+            best, in_vain = (cost, _colour(start)), 0
+        if in_vain == _IN_VAIN:
+            break
     assert best is not None
-    return best[1]
+    return replace(best[1], sharpness=_sharpness(best[1], stretches))
+
+
+def _sharpness(colour: Colour, stretches: Sequence[FloatArray]) -> float:
+    """Return how sharp what is new in noise is, over stretches of it."""
+    order, square, sharp = len(colour.partial), [], []
+    for values in stretches:
+        new = colour.whitened(beside_parabola(values))[order:]
+        square.append(new**2)
+        sharp.append(np.diff(new, 3) ** 2 / THIRD)
+    ratio = float(np.mean(np.concatenate(sharp)) / np.mean(np.concatenate(square)))
+    return float(np.sqrt(min(1.0, ratio)))
 
 
 def _affordable_stretches(stretches: Sequence[FloatArray]) -> list[FloatArray]:

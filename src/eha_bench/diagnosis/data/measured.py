@@ -302,7 +302,9 @@ def _noise_of_column(measured: Measured, name: str, column: FloatArray) -> float
     """Return a channel's noise in one run; where it has a colour, that of all of it."""
     parted = parted_at_gaps(measured.time, column)
     colour = measured.colours.get(name)
-    return noise_of(colour.whitened(parted) if colour else parted)
+    if colour is None:
+        return noise_of(parted)
+    return noise_of(colour.whitened(parted)) / colour.sharpness
 
 
 def parted_at_gaps(time: FloatArray, values: FloatArray) -> FloatArray:

@@ -118,7 +118,8 @@ def with_colours(measured: Measured, colours: Mapping[str, Colour]) -> Measured:
     """Return a run with what is known of the colour of its channels' noise."""
     noise = dict(measured.input_noise)
     for name in noise.keys() & colours.keys():
-        level = noise_of_input(colours[name].whitened(measured.inputs[name]))
+        colour = colours[name]
+        level = noise_of_input(colour.whitened(measured.inputs[name])) / colour.sharpness
         # of some samples nothing is left: then what was known before is all there is
         if level > 0.0:
             noise[name] = level

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from eha_bench.core.arrays import FloatArray, IndexArray
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.noise import noise_of, noise_of_step
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.oscillation import oscillation
@@ -59,9 +60,11 @@ def refined_noise(
     short = _read_in_short_windows(problem, residual)
     steps = _steps(problem)
     found: dict[int, list[tuple[float, int]]] = {}
-    for channel, part in _stretches(problem, residual):
+    for channel, measured, part in _stretches(problem, residual):
         name = names[channel]
+        colour = measured.colours.get(name)
         level = noise_of(part, steps.get(name, 0.0) / noise[name])
+        level /= colour.sharpness if colour else 1.0
         size = int(np.isfinite(part).sum())
         if np.isfinite(level) and size > _FEW_READINGS:
             found.setdefault(channel, []).append((level, size))
@@ -115,20 +118,24 @@ def _steps(problem: Problem) -> dict[str, float]:
     return {name: float(np.median(own)) for name, own in steps.items()}
 
 
-def _stretches(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+def _stretches(
+    problem: Problem, residual: FloatArray
+) -> Iterator[tuple[int, Measured, FloatArray]]:
     """Yield channels with their residual in each window, or in a run that is cut into short ones.
 
     Between the windows of a run stands NaN: they hang together no more than across a gap.
     """
     cut: dict[tuple[str, int], list[FloatArray]] = {}
+    runs: dict[str, Measured] = {}
     for window, channel, part in _by_channel(problem, residual):
         measured = problem.windows[window].measured
+        runs[measured.run.name] = measured
         if measured.input_noise or part.size <= _FEW_READINGS:
             cut.setdefault((measured.run.name, channel), []).extend((part, _GAP))
         else:
-            yield channel, part
-    for (_, channel), parts in cut.items():
-        yield channel, np.concatenate(parts)
+            yield channel, measured, part
+    for (name, channel), parts in cut.items():
+        yield channel, runs[name], np.concatenate(parts)
 
 
 def _by_channel(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, int, FloatArray]]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import toeplitz
+from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.special import chdtri
 
 from eha_bench.core.arrays import FloatArray
@@ -35,6 +35,10 @@ _LOW = 0.25
 """Quantile of the stretches' mean squares that a level is taken from."""
 _PEAK = 2.0
 """Power at a peak, in that of slow and of fast noise, from which noise swings."""
+_FLOOR = 0.1
+"""White noise, in all of a noise's power, beside which its spectrum is looked at."""
+_MEMORY = 8
+"""Samples by whose correlations that is."""
 _SAME = 0.25
 """What the mean squares of runs may differ by, as a share, and still be of the same noise."""
 _NOT_BY_CHANCE = 4.0
@@ -134,7 +138,12 @@ def swings(colour: Colour | None) -> bool:
     """Whether noise is loudest at one frequency, as a resonance is and a filter is not."""
     if colour is None:
         return False
-    power = colour.amplitudes(_STRETCH) ** 2
+    # without a floor, the zero that a filter has at half the sampling rate makes ripples elsewhere
+    correlations = colour.correlations(_MEMORY + 1)
+    correlations[0] += _FLOOR
+    factors = solve_toeplitz(correlations[:-1], correlations[1:])
+    turns = np.outer(np.pi * np.arange(_STRETCH) / _STRETCH, np.arange(1, _MEMORY + 1))
+    power = np.abs(1.0 - np.exp(-1j * turns) @ factors) ** -2.0
     return bool(power[1:-1].max() > _PEAK * max(power[0], power[-1]))
 
 
