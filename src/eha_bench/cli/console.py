@@ -72,7 +72,7 @@ def errors_as_sentences() -> Iterator[None]:
             say(f"... and {len(error.each) - _MOST} more: eha-bench validate lists all of a file")
         raise SystemExit(error.exit_status) from error
     except KeyboardInterrupt as error:
-        say("eha-bench: interrupted")
+        say("; ".join(("eha-bench: interrupted", *map(str, error.args))))
         raise SystemExit(INTERRUPTED) from error
     except BrokenPipeError as error:
         # the reader of our output went away: not our fault, and nothing left to say

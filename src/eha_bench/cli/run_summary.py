@@ -176,8 +176,7 @@ def _word(trial: str, status: Mapping[str, Status], kept: Mapping[str, list[bool
     """Return a trial's verdict; a run that ended well without limits passed none."""
     if trial not in status:
         return "not run"
-    unjudged = status[trial] is Status.PASSED and not kept[trial]
-    return "not judged" if unjudged else status[trial].value
+    return status[trial].word(judged=bool(kept[trial]))
 
 
 def _tone(trial: str, status: Mapping[str, Status], kept: Mapping[str, list[bool]]) -> Paint:
@@ -189,11 +188,12 @@ def _tone(trial: str, status: Mapping[str, Status], kept: Mapping[str, list[bool
 def _verdict(result: Result, *, colour: bool) -> str:
     limits = [score for run in result.trials for score in run.scores if score.limit]
     kept = sum(not score.status.rejects for score in limits)
-    word, tone = result.status.value, _COLOURS[result.status]
+    word, tone = result.status.word(judged=bool(limits)), _COLOURS[result.status]
     text = f"{kept} of {len(limits)} limits kept"
     if not limits:
-        text = "no limits to keep"
-        word, tone = ("not judged", Paint.WARN) if result.status is Status.PASSED else (word, tone)
+        stopped = result.status is not Status.PASSED
+        text = "no limits were scored" if stopped else "no limits to keep"
+        tone = tone if stopped else Paint.WARN
     if result.not_run:
         text += f", {len(result.not_run)} run{'s' * (len(result.not_run) > 1)} not made"
     return f"{result.suite}: {paint(word, tone, on=colour)}, {text}"

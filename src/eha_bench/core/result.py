@@ -41,6 +41,10 @@ class Status(StrEnum):
         """Exit status of the command: 0 accepted, 1 a limit failed, 3 fault or safety stop."""
         return {"passed": 0, "failed": 1, "incomplete": 1, "fault": 3}[self.value]
 
+    def word(self, *, judged: bool) -> str:
+        """Return the verdict in words: what ended well and has no limit passed none."""
+        return self.value if judged or self is not Status.PASSED else "not judged"
+
 
 @dataclass(frozen=True)
 class TrialResult:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from eha_bench.core.errors import InputError
@@ -31,12 +32,13 @@ def by_name(folder: str, name: str) -> Path | None:
     return next((found for top in _tops(folder) if (found := top / f"{name}.yaml").is_file()), None)
 
 
-def find(name: str | Path, *folders: str) -> Path:
+def find(name: str | Path, *folders: str, also: Sequence[str] = ()) -> Path:
     """Return the file that is meant: one that is there, or a shipped one by its bare name.
 
     Args:
         name: a path, or a name such as `paper`.
         folders: kinds of shipped files that are looked through, in order.
+        also: names of what is no file, for the way out.
 
     Raises:
         InputError: a bare name that nothing shipped has.
@@ -50,7 +52,8 @@ def find(name: str | Path, *folders: str) -> Path:
             return found
     if path.exists():
         return path
-    known = list(dict.fromkeys(item for folder in folders for item in names(folder)))
+    shipped = (item for folder in folders for item in names(folder))
+    known = list(dict.fromkeys((*also, *shipped)))
     raise InputError(
         f"unknown {folders[0][:-1]} '{name}': no such file, and none of that name is shipped",
         hint=suggest(str(name), known),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def _most(levels: Sequence[object]) -> str:
 
 def sentence_of(proposal: Proposal) -> str:
     """Say what a proposal is worth."""
-    what = "; then ".join(trial.words for trial in proposal.trials)
+    what = "; then ".join(_counted(trial.words for trial in proposal.trials))
     what = what[:1].upper() + what[1:]
     seconds = f"{proposal.bench_seconds:.3g} s of bench time"
     near = sorted({
@@ -75,11 +76,24 @@ def sentence_of(proposal: Proposal) -> str:
         )
     worst = proposal.widths[0]
     after = max(proposal.widths, key=lambda item: item.after)
+    short = "" if after.after <= proposal.asked else (
+        f", more than the {per_cent(proposal.asked, 2)} asked for"
+    )  # fmt: skip
+    rest = ", the widest still" if after is worst else (
+        f"; the widest is then {after.parameter}, ± {100.0 * after.after:.2g} %"
+    )  # fmt: skip
     return (
         f"{what}. {seconds} reduce the interval of {worst.parameter} from "
-        f"± {100.0 * worst.before:.2g} % to ± {100.0 * worst.after:.2g} % of its value; the "
-        f"widest is then {after.parameter}, ± {100.0 * after.after:.2g} %.{close}"
+        f"± {100.0 * worst.before:.2g} % to ± {100.0 * worst.after:.2g} % of its value{rest}"
+        f"{short}.{close}"
     )
+
+
+def _counted(words: Iterable[str]) -> Iterator[str]:
+    """Yield what is done, once with how often where it is done again and again."""
+    for text, group in groupby(words):
+        times = len(list(group))
+        yield text if times == 1 else f"{text}, {times} times"
 
 
 def planned_trial(

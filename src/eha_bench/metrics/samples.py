@@ -252,11 +252,17 @@ def _relative(recording: Recording, channel: str) -> float:
     sensors = sensors_of(recording, channel)
     if len(sensors) == 1:
         return next(iter(sensors.values())).relative
-    with np.errstate(all="ignore"):
-        whole = float(np.nanmean(np.abs(recording[channel])))
-        parts = [s.relative * float(np.nanmean(np.abs(recording[n]))) for n, s in sensors.items()]
+    whole = _usual_size(recording[channel])
+    parts = [s.relative * _usual_size(recording[name]) for name, s in sensors.items()]
     total = math.sqrt(math.fsum(part**2 for part in parts))
     return total / whole if whole > 0.0 and math.isfinite(total / whole) else 0.0
+
+
+def _usual_size(values: FloatArray) -> float:
+    """Return the mean size of a channel's readings, 0 where it has none."""
+    sizes = np.abs(values[np.isfinite(values)])
+    with np.errstate(over="ignore"):
+        return float(sizes.mean()) if sizes.size else 0.0
 
 
 def _short(bad: BoolArray) -> BoolArray:

@@ -100,7 +100,7 @@ def _recover(file: McapFile, goal: Path) -> RecoveryReport:
         for split in reader.splits(None):
             _declare(sink, file, known)
             _copy(sink, file, split, tally)
-        if not tally.counts and not file.metadata:
+        if not tally.counts and not file.attachments:
             raise RecordingError("nothing in it can be read", where=where)
         problems = _problems(file, reader, damaged)
         if problems:

@@ -25,6 +25,7 @@ _SIGNS: Final = {
     Status.INCOMPLETE: "⚠️",
     Status.FAULT: "⛔",
 }
+_UNJUDGED: Final = "➖"
 _SPECIAL: Final = re.compile(r"[\\`*_{}\[\]<#|~&$@]|:(?=//|[\w+-]+:)|^[-+>]")
 """What Markdown reads in a line: marks, links, codes of emoji, and beginnings of lists, quotes."""
 
@@ -38,8 +39,7 @@ def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) 
     """
     rows = limit_rows(result, trials or {})
     parts = [
-        f"## {_SIGNS[result.status]} {as_text(result.suite)} on {as_text(result.target)}: "
-        f"{result.status.value}",
+        f"## {_verdict(result.status, judged=bool(rows), of=_heading(result))}",
         as_text(headline(result)),
     ]
     facts = _of_the_run(result.provenance)
@@ -71,7 +71,7 @@ def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) 
             (
                 (
                     as_text(trial),
-                    f"{_SIGNS[status]} {status.value}",
+                    _verdict(status, judged=bool(kept[trial])),
                     f"{sum(kept[trial])} of {len(kept[trial])}" if kept[trial] else "",
                 )
                 for trial, status in worst.items()
@@ -79,6 +79,16 @@ def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) 
         )
     )
     return "\n\n".join(parts) + "\n"
+
+
+def _heading(result: Result) -> str:
+    return f"{as_text(result.suite)} on {as_text(result.target)}: "
+
+
+def _verdict(status: Status, *, judged: bool, of: str = "") -> str:
+    """Return a verdict with its sign, after what it is of."""
+    sign = _SIGNS[status] if judged or status is not Status.PASSED else _UNJUDGED
+    return f"{sign} {of}{status.word(judged=judged)}"
 
 
 def _of_the_run(provenance: Mapping[str, str]) -> str:

@@ -188,7 +188,9 @@ def headline(result: Result) -> str:
             f"in {share}{_count(len(trials), 'trial')}"
         )
     else:
-        parts.append(f"no limits in {_count(len(trials), 'trial')}")
+        stopped = any(run.status in (Status.FAULT, Status.INCOMPLETE) for run in result.trials)
+        what = "no limit scored" if stopped else "no limits"
+        parts.append(f"{what} in {_count(len(trials), 'trial')}")
     text = "; ".join(parts) + "."
     return text[0].upper() + text[1:]
 

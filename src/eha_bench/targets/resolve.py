@@ -15,6 +15,8 @@ from eha_bench.core.shipped import find
 from eha_bench.targets.simulator import default_simulator
 from eha_bench.targets.target import Target
 
+_SIMULATOR = "simulator"
+
 
 def _names_nothing(_key: str) -> None:
     return None
@@ -36,7 +38,7 @@ def open_target(
     """
     if isinstance(target, Mapping):
         path = yaml_file.file_of_content(target, "target" if "target" in target else "model")
-    elif str(target) == "simulator":
+    elif str(target) == _SIMULATOR:
         return default_simulator(named("model"), named("controller"))
     else:
         path = _file(target)
@@ -58,7 +60,7 @@ def open_target(
 
 def _file(target: str | Path) -> Path:
     """Return the file of a target or model, which may be a shipped one."""
-    path = find(target, "targets", "models")
+    path = find(target, "targets", "models", also=(_SIMULATOR,))
     if path.suffix not in (".yaml", ".yml"):
         kinds = ", ".join(plugins.names("targets"))
         raise InputError(
