@@ -211,6 +211,37 @@ def test_a_nan_in_a_log_is_said_and_not_guessed_over(cli: Cli, tmp_path: Path) -
     assert "0.12" in text
 
 
+def _score_step(cli: Cli, folder: Path, samples: int, check: int = 0) -> str:
+    """Score the first samples of a step of 0.4 s by its own reference; return what is said."""
+    time = np.arange(samples) / 1000
+    reference = np.where(time < 0.1, 0.0, 10.0)
+    rows = [f"{t:.3f},{r:.5f},{r}" for t, r in zip(time, reference, strict=True)]
+    (folder / "log.csv").write_text("t,p,r\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    suite = FOREIGN.format(mode="pressure") + "    duration: 0.4 s\n"
+    (folder / "s.yaml").write_text(suite, encoding="utf-8")
+    done = cli(
+        "score", "log.csv", "--suite", "s.yaml", "--channels", "channels.yaml", "--out", "o",
+        check=check,
+    )  # fmt: skip
+    return done.stderr
+
+
+def test_a_log_shorter_than_its_trial_is_said_to_be(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "channels.yaml").write_text(CSV_MAP, encoding="utf-8")
+    assert "note: any: the recording lasts 0.199 s, and the trial 0.4 s" in _score_step(
+        cli, tmp_path, 200
+    )
+    assert "note:" not in _score_step(cli, tmp_path, 400)
+
+
+def test_a_reference_in_another_quantity_is_refused(cli: Cli, tmp_path: Path) -> None:
+    content = CSV_MAP.replace("{column: r, unit: MPa}", "{column: r, unit: A}")
+    assert content != CSV_MAP
+    (tmp_path / "channels.yaml").write_text(content, encoding="utf-8")
+    said = _score_step(cli, tmp_path, 400, check=2)
+    assert "log.csv: its reference is in A, and trial 'any' controls pressure_difference" in said
+
+
 def test_a_log_that_belongs_to_no_trial_says_so(cli: Cli, tmp_path: Path, suite: Path) -> None:
     (tmp_path / "log.csv").write_text("t,p,r\n0,1,2\n0.001,2,3\n", encoding="utf-8")
     (tmp_path / "channels.yaml").write_text(CSV_MAP, encoding="utf-8")

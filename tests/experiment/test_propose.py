@@ -147,6 +147,14 @@ def test_a_wide_interval_is_brought_under_what_is_asked(tmp_path: Path):
     assert found.odds is None
     assert max(item.before for item in found.widths) == pytest.approx(0.588, rel=0.01)
     assert max(item.after for item in found.widths) < 0.1
+    assert "asked for" not in found.sentence
+
+
+def test_an_interval_that_stays_wider_than_asked_is_said_to(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(*LAG, share=0.3)])
+    found = eb.next_experiment(folder, budget=1.0, within=1e-6)
+    assert found.ending is ProposalEnding.PROPOSED
+    assert "more than the 0.00 % asked for" in found.sentence
 
 
 @pytest.mark.slow

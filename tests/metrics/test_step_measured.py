@@ -261,6 +261,14 @@ def test_steady_state_error_is_reference_minus_final(kit):
     assert kit.measure("steady_state_error", low, trial).value == pytest.approx(1e5, rel=1e-3)
 
 
+@pytest.mark.parametrize(("seconds", "scored"), [(0.25, False), (0.5, True)])
+def test_a_hold_that_is_cut_off_in_its_first_half_has_no_end(kit, seconds, scored):
+    recording, trial = pressure(kit)
+    found = kit.measure("steady_state_error", recording.between(0.0, seconds), trial)
+    assert math.isfinite(found.value) == scored
+    assert ("in the first half of its hold" in found.reason) != scored
+
+
 def test_a_single_sample_jump_is_timed_between_its_samples(kit):
     """A drive's current follows within one tick: nothing to fit a curve to."""
     signal = kit.Steps((0.0,), (0.0, 6.0), 0.5)

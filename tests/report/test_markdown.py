@@ -7,6 +7,7 @@ import pytest
 from sample_run import NASTY, SampleRun
 
 from eha_bench.core.errors import InputError
+from eha_bench.core.result import Status
 from eha_bench.report import append_step_summary, markdown_summary
 from eha_bench.report.markdown import STEP_SUMMARY_BYTES, as_text
 
@@ -20,6 +21,15 @@ def test_summary_tells_the_verdict_and_the_worst_first(sample: SampleRun) -> Non
     assert "pressure\\_step-20MPa" in first
     assert "2.58\u00a0ms (5.7\u00a0%) over" in first
     assert "| 6 of 9 |" in text
+
+
+def test_a_run_without_limits_passes_nothing(sample: SampleRun) -> None:
+    passed = next(run for run in sample.result.trials if run.status is Status.PASSED)
+    unlimited = tuple(replace(score, limit="") for score in passed.scores)
+    run = replace(passed, scores=unlimited)
+    text = markdown_summary(replace(sample.result, status=Status.PASSED, trials=(run,)))
+    assert "not judged" in text.splitlines()[0]
+    assert "passed" not in text
 
 
 def test_summary_needs_no_trials(sample: SampleRun) -> None:

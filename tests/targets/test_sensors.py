@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from eha_bench.core.errors import UnitError
-from eha_bench.targets.sensors import SensorNoise, SimulatedSensor
+from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.targets.sensors import SensorNoise, SimulatedSensor, check_sensors
 
 N, PERIOD = 80_000, 1e-3
 
@@ -33,3 +33,19 @@ def test_it_comes_beside_the_noise_and_changes_none_of_it() -> None:
 def test_it_cannot_be_negative() -> None:
     with pytest.raises(UnitError, match="cannot be negative"):
         SimulatedSensor(wander=-1.0).in_si("current")
+
+
+@pytest.mark.parametrize(
+    ("channel", "noise", "said"),
+    [
+        ("motor_spee", "3 rpm", "'motor_spee'.*did you mean 'motor_speed'"),
+        ("motor_speed", "3 MPa", "wrong dimension"),
+    ],
+)
+def test_a_sensor_of_nothing_or_in_another_unit_is_refused(
+    channel: str, noise: str, said: str
+) -> None:
+    sensors = {channel: SimulatedSensor(noise=noise)}
+    units = {"motor_speed": "rad/s"}
+    with pytest.raises(InputError, match=said):
+        check_sensors(sensors, units, units, lambda name: Place(file="target.yaml", key=name))
