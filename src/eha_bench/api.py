@@ -17,7 +17,7 @@ from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place, TargetFault
 from eha_bench.core.interruption import signals_raised_after
-from eha_bench.core.output_folder import writable
+from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.progress import Progress, silent
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
@@ -27,7 +27,7 @@ from eha_bench.core.workers import workers_from
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.diagnose import diagnose as close_the_loop
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
-from eha_bench.experiment.files import suite_path, write_proposal
+from eha_bench.experiment.files import dataset_path, suite_path, write_proposal
 from eha_bench.experiment.proposal import Proposal
 from eha_bench.experiment.propose import ASKED, WITHIN, propose
 from eha_bench.posterior.file import beside, read_posterior
@@ -50,6 +50,7 @@ from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
 from eha_bench.tuning.aim import Robust
+from eha_bench.tuning.files import WRITTEN as TUNED_FILES
 from eha_bench.tuning.files import write_tuned
 from eha_bench.tuning.tune import SearchEffort, Tuned, gains_space
 from eha_bench.tuning.tune import tune as find_gains
@@ -250,6 +251,9 @@ def tune(  # noqa: PLR0913 - as the options of the command
         EhaBenchError: bad input, or the posterior of another model.
     """
     loaded, folder = load_suite(suite), writable(Path(out))
+    files = [item for item in (model, vary, controller, posterior, conditions, loaded.path)
+             if isinstance(item, str | Path)]  # fmt: skip
+    spare_inputs((folder / name for name in TUNED_FILES), files, "name another folder with --out")
     if robust is not None and robust not in set(Robust):
         raise InputError(f"--robust '{robust}' is not known", hint=f"known: {', '.join(Robust)}")
     case = case_of(loaded, open_target(model, loaded.file))
@@ -507,6 +511,9 @@ def next_experiment(
         InputError: a file is wrong or missing, or the model has no command.
     """
     path = None if out is None else suite_path(out)
+    if path is not None:
+        written = (path, dataset_path(path), path.with_suffix(".json"), path.with_suffix(".html"))
+        spare_inputs(written, (diagnosis, safety), "name another file with --out")
     tell = progress or (lambda _stage, _fraction: None)
     found = propose(
         diagnosis, budget=budget, safety=safety, probability=probability, within=within, seed=seed,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 
@@ -43,6 +44,24 @@ def writable(folder: Path, hint: str = "") -> Path:
             hint=hint or "name another folder with --out",
         )
     return folder
+
+
+def spare_inputs(written: Iterable[Path], inputs: Iterable[str | Path | None], hint: str) -> None:
+    """Refuse to write a file that the same work reads.
+
+    Args:
+        written: files that are about to be written. inputs: what is read; None for nothing given.
+        hint: the way out.
+
+    Raises:
+        InputError: one of them is the other.
+    """
+    read = [Path(item) for item in inputs if item is not None and Path(item).exists()]
+    for path in written:
+        if path.exists() and any(path.samefile(item) for item in read):
+            raise InputError(
+                "is read here and would be overwritten", where=Place(file=str(path)), hint=hint
+            )
 
 
 def name_aside(folder: Path) -> Path:

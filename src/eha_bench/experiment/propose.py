@@ -53,7 +53,7 @@ from eha_bench.experiment.rival_simulator import (
 )
 from eha_bench.experiment.screening import best_experiments
 from eha_bench.experiment.sensors import advice
-from eha_bench.experiment.separating import FRESH, Separating, Separation
+from eha_bench.experiment.separating import FRESH, SHORTEST, Separating, Separation
 
 ASKED = 0.95
 WITHIN = 0.1
@@ -87,9 +87,14 @@ def propose(
         seed: of all draws. progress: called with the stage and the fraction of it done.
 
     Raises:
-        InputError: a file is wrong, or the model has no command.
+        InputError: a file is wrong, the model has no command, or the budget allows none.
     """
     began = time.perf_counter()
+    if budget < SHORTEST:
+        raise InputError(
+            f"{budget:g} s of bench time are too few",
+            hint=f"an experiment takes {SHORTEST:g} s at least: give it as --budget",
+        )
     question = read_question(diagnosis)
     found = _Planner(question, budget, safety, probability, within, seed, progress).run()
     return replace(found, seconds=time.perf_counter() - began, source=question.source)

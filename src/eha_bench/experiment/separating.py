@@ -27,7 +27,7 @@ FRESH = 24
 _COMBINED = 3
 """Experiments that are tried together."""
 _DRAWS = 12
-_SHORTEST = 1.0
+SHORTEST = 1.0
 """Least length of a proposal, s: fewer than ten blocks bear out nothing by resampling."""
 _GENTLER = 0.6
 """Share by which the experiment is made smaller, again and again, while it still decides."""
@@ -120,7 +120,7 @@ class Separating:
                 seconds = gone + tick / rate
                 if seconds > self.budget + 0.5 / rate:
                     break
-                if seconds < _SHORTEST and tick < last.ticks[-1]:
+                if seconds < SHORTEST and tick < last.ticks[-1]:
                     continue
                 short = 0.0 if self._suffices(found) else 1.0 - found.worth
                 if best is None or (short, seconds) < best[0]:

@@ -14,7 +14,7 @@ from eha_bench.recordings import sample
 from eha_bench.recordings.budget import spending
 from eha_bench.recordings.mcap.chunk_reader import ChunkReader
 from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, Split
-from eha_bench.recordings.mcap.file import BareMessages, Chunk, McapFile, open_mcap
+from eha_bench.recordings.mcap.file import MAGIC, BareMessages, Chunk, McapFile, open_mcap
 from eha_bench.recordings.mcap.integrity import count_problems, data_problems, summary_problems
 from eha_bench.recordings.mcap.sink import Compressed, Index, McapSink
 from eha_bench.recordings.mcap.source import RECOVERY, damage, joined_metadata, recovery_notes
@@ -67,6 +67,7 @@ def recover(source: str | Path, target: str | Path) -> RecoveryReport:
         refuse_special(origin)
         file = open_mcap(origin)
         same = goal.exists() and goal.samefile(origin)
+        other = goal.is_file() and goal.stat().st_size > 0 and not _is_mcap(goal)
     except FileNotFoundError as error:
         raise RecordingError("no such file", where=where, hint="check its path") from error
     except OSError as error:
@@ -75,8 +76,19 @@ def recover(source: str | Path, target: str | Path) -> RecoveryReport:
         raise RecordingError(
             "the target is the recording itself", where=where, hint="give another target"
         )
+    if other:
+        raise RecordingError(
+            "is no MCAP file, and would be overwritten",
+            where=Place(file=str(goal)),
+            hint="give another target",
+        )
     with spending(origin):
         return _recover(file, goal)
+
+
+def _is_mcap(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return stream.read(len(MAGIC)) == MAGIC
 
 
 def _recover(file: McapFile, goal: Path) -> RecoveryReport:

@@ -20,6 +20,7 @@ CONTROLLER: Final = "tuned.yaml"
 TARGET: Final = "target.yaml"
 MODEL: Final = "model.yaml"
 SUMMARY: Final = "tuning.json"
+WRITTEN: Final = (CONTROLLER, TARGET, MODEL, SUMMARY)
 SCHEMA_VERSION: Final = 1
 
 
