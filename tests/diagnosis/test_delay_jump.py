@@ -11,13 +11,13 @@ NOISE = 1e-3
 TICK = 0.02
 
 
-def _replay(measured, simulated, tick: float = TICK) -> Replay:
+def _replay(measured, simulated, tick: float = TICK, *, is_bounded: bool = True) -> Replay:
     """Return a run of one channel, replayed by three models that agree."""
     time = tick * np.arange(len(measured))
     columns = {"angle": np.asarray(simulated)}
     return Replay(
         "chirp", Use.HOLDOUT, False, False, time, {}, {"angle": np.asarray(measured)},
-        (columns,) * 3, (columns,) * 3, {}, {"angle": "rad"},
+        (columns,) * 3, (columns,) * 3, {}, {"angle": "rad"}, is_bounded,
     )  # fmt: skip
 
 
@@ -40,6 +40,12 @@ def test_a_jump_is_found_where_it_is(later: float) -> None:
     assert jump.time == pytest.approx(40.0, abs=0.5)
     assert jump.later == pytest.approx(later, abs=1.01 * TICK)
     assert jump.shifted < 0.5 * jump.error
+
+
+def test_where_errors_add_up_nothing_keeps_the_time() -> None:
+    measured, simulated = _run(lambda time: np.where(time < 40.0, 0.04, 0.1))
+    item = _replay(measured, simulated, is_bounded=False)
+    assert delay_jump(item, {"angle": NOISE}) is None
 
 
 @pytest.mark.parametrize(

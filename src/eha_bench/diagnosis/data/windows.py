@@ -109,19 +109,29 @@ def _first_start(measured: Measured, noise: Mapping[str, float], allowed: BoolAr
 
 
 def is_whole(measured: Measured) -> bool:
-    """Whether a run is simulated from its start, and cut nowhere but at gaps."""
-    bounded = measured.run.locked or measured.run.bypass_open or _follows(measured)
+    """Whether a run is simulated from its start, and cut nowhere but at gaps.
+
+    Of a position that follows an input only in a slow log: in a window of few readings the start
+    state takes what the controller holds against.
+    """
+    slow = _FEWEST * measured.tick > FREE_WINDOW
+    held = measured.run.locked or measured.run.bypass_open or (slow and _follows(measured))
     # what an elastic joint holds in the midst of a motion is only known from the run's start on
-    return (bounded or bool(measured.roles.bent)) and not _is_shaken(measured)
+    return (held or bool(measured.roles.bent)) and not _is_shaken(measured)
+
+
+def is_bounded(measured: Measured) -> bool:
+    """Whether an error does not add up over a whole run: something holds what moves to its place.
+
+    That is a locked piston, ports that are connected, or a controller inside the plant.
+    """
+    held = measured.run.locked or measured.run.bypass_open or _follows(measured)
+    return held and not _is_shaken(measured)
 
 
 def _follows(measured: Measured) -> bool:
-    """Whether a controller inside the plant makes a position follow an input, in a slow log.
-
-    In a window of few readings the start state takes what the controller holds against.
-    """
-    slow = _FEWEST * measured.tick > FREE_WINDOW
-    return slow and any(name in measured.inputs for name in measured.roles.followed)
+    """Whether a controller inside the plant makes a position follow an input."""
+    return any(name in measured.inputs for name in measured.roles.followed)
 
 
 def _is_shaken(measured: Measured) -> bool:

@@ -24,6 +24,7 @@ from eha_bench.core.interruption import result_at_checkpoints
 from eha_bench.core.processors import usable_processors
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.data.measured import Measured
+from eha_bench.diagnosis.data.windows import is_bounded
 from eha_bench.diagnosis.fit.effort import note_simulated_time
 from eha_bench.diagnosis.fit.lost_inputs import at_their_best, with_held
 from eha_bench.diagnosis.fit.own_parameters import OwnValues
@@ -59,6 +60,7 @@ class Replay:
         moved: channel -> root mean square change by one standard deviation of the start, SI, of the
             last model.
         units: SI units of channels that eha_bench does not know.
+        is_bounded: whether an error of the model does not add up over it.
         until: s from which on nothing is compared.
     """
 
@@ -73,6 +75,7 @@ class Replay:
     predicted: tuple[Columns, ...]
     moved: Mapping[str, float]
     units: Mapping[str, str] = field(default_factory=dict)
+    is_bounded: bool = False
     until: float = math.inf
 
     @property
@@ -214,7 +217,7 @@ def _replay_of(
     run = measured.run
     return Replay(
         run.name, run.use, run.locked, run.bypass_open, measured.time, measured.inputs, read,
-        tuple(simulated), tuple(predicted), moved, model.plant.units,
+        tuple(simulated), tuple(predicted), moved, model.plant.units, is_bounded(measured),
     )  # fmt: skip
 
 
