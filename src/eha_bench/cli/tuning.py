@@ -104,6 +104,9 @@ def _say(found: Tuned) -> None:
     clash = found.contradiction
     if clash is None:
         return
+    if not found.complete:
+        say(f"interrupted: none of the {clash.tried} candidates so far keeps all limits")
+        return
     say(f"infeasible: none of {clash.tried} candidates keeps all limits")
     for place in clash.never:
         say(f"  none keeps {found.limits[place].key} ({found.limits[place].text})")

@@ -14,7 +14,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.json_file import read_object
-from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
+from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE, SCHEMA_VERSION
 from eha_bench.diagnosis.outcome.rival import Standing
 from eha_bench.plants.model import Model, load_model
 from eha_bench.posterior.covered import Covered
@@ -142,6 +142,13 @@ def read_question(path: str | Path) -> Question:
     content = read_object(file, DIAGNOSIS_FILE, hint)
     if "verdict" not in content:
         raise InputError("this is not a diagnosis.json: it has no verdict", where=where, hint=hint)
+    version = content.get("schema_version", SCHEMA_VERSION)
+    if version != SCHEMA_VERSION:
+        raise InputError(
+            f"its schema_version is {version}, and this version reads {SCHEMA_VERSION}",
+            where=where,
+            hint="run `eha-bench diagnose` again with this version",
+        )
     if not content.get("rivals") or not content.get("covered"):
         raise InputError(
             "it holds no rivals to plan an experiment for",

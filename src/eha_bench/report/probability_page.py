@@ -100,8 +100,9 @@ def _look(chance: Chance) -> str:
 
 def _row(found: Probability, place: int) -> ChanceRow:
     limit, chance = found.limits[place], found.of(place)
-    scored = found.margins[:, place]
-    scored = scored[np.isfinite(scored)]
+    margins = found.margins[:, place]
+    scored = margins[np.isfinite(margins)]
+    unscored = f"; {margins.size - scored.size} not scored" if scored.size < margins.size else ""
     name = metric_name(limit.metric)
     ends = np.quantile(scored, (0.025, 0.975)) if scored.size else (math.nan, math.nan)
     return ChanceRow(
@@ -109,7 +110,7 @@ def _row(found: Probability, place: int) -> ChanceRow:
         f"{name} ({channel_name(limit.channel)}) {limit_text(limit.text)}",
         f"{chance.value:.3f}",
         f"{chance.low:.3f} … {chance.high:.3f}",
-        " … ".join(number(float(end), 3, sign=True) for end in ends),
+        " … ".join(number(float(end), 3, sign=True) for end in ends) + unscored,
         _look(chance),
         _bar(chance),
     )
