@@ -58,6 +58,11 @@ _OWN = 0.3
 """Share of its own channels' excess that a sensor's error may leave: a free error of a sensor can
 be whatever that sensor reads, and where it still leaves more, what goes on is faster than samples.
 """
+_FAR_AHEAD = 1.3
+"""Multiple of the best balance's support from which a sensor is believed that explains its channels
+and the others for the most part: a play or a jump of its own leaves more than `_COMPLETE`."""
+_MOST = 0.6
+"""Share of any channels' excess that it may leave then."""
 _FURTHEST = 0.3
 _TELLING = 0.1
 """Share of the excess from which what a curve follows means anything."""
@@ -90,6 +95,11 @@ class SupportedPlace:
     def is_a_sensors_fault(self) -> bool:
         """Whether a free error of its sensors explains them, and leaves nothing elsewhere."""
         return bool(self.place.sensors) and self.left < _COMPLETE and self.own_left < _OWN
+
+    @property
+    def is_mostly_a_sensors_fault(self) -> bool:
+        """Whether a free error of its sensors explains most of what shows, there and elsewhere."""
+        return bool(self.place.sensors) and max(self.left, self.own_left) < _MOST
 
 
 class Locator:
@@ -362,8 +372,13 @@ def believed_place(offered: Sequence[SupportedPlace]) -> SupportedPlace:
     best = offered[0]
     if not balances or not best.place.sensors:
         return best
-    sensors = [item for item in offered if item.is_a_sensors_fault]
-    margin = max(_LEAST, _CLEARLY * balances[0].support)
-    if sensors and sensors[0].support > balances[0].support + margin:
-        return sensors[0]
-    return balances[0]
+    support = balances[0].support
+    clear = support + max(_LEAST, _CLEARLY * support)
+    far = max(clear, _FAR_AHEAD * support)
+    sensors = [
+        item
+        for item in offered
+        if (item.is_a_sensors_fault and item.support > clear)
+        or (item.is_mostly_a_sensors_fault and item.support > far)
+    ]
+    return sensors[0] if sensors else balances[0]
