@@ -18,6 +18,7 @@ from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameter
+from eha_bench.diagnosis.outcome.early_inputs import note_of_early_input
 from eha_bench.diagnosis.outcome.findings import assemble
 from eha_bench.diagnosis.outcome.honest import (
     against_the_end,
@@ -91,7 +92,8 @@ class Conclusion:
         if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN:
-            self.found = found = self._with_differing_runs(self._with_rare_stretches(found))
+            found = self._with_early_input(self._with_rare_stretches(found))
+            self.found = found = self._with_differing_runs(found)
         if found.complete and (why := beyond_training(found, limits)):
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
@@ -131,6 +133,12 @@ class Conclusion:
     def _with_rare_stretches(self, found: Diagnosis) -> Diagnosis:
         """Note when what is missing acts, where that is seldom."""
         for note in note_of_rare_stretches(self.search.problem, self.search.fit.vector):
+            found = found.with_note(note)
+        return found
+
+    def _with_early_input(self, found: Diagnosis) -> Diagnosis:
+        """Note an input that acts earlier than it was logged."""
+        for note in note_of_early_input(self.search):
             found = found.with_note(note)
         return found
 

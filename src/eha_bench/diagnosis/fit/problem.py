@@ -27,6 +27,7 @@ from scipy.sparse.linalg import spsolve
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.interruption import checkpoint
+from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.wander import cosines
 from eha_bench.diagnosis.data.windows import Window, from_another_angle
@@ -233,6 +234,14 @@ class Problem:
         other = Problem(self.plant, windows, self.noise, self.step, self.beliefs)
         other.soft = self.soft
         return other
+
+    def with_measured(self, change: Callable[[Measured], Measured]) -> Problem:
+        """Return the same windows of runs that are changed; it needs `prepare`."""
+        runs = {id(window.measured): window.measured for window in self.windows}
+        changed = {key: change(item) for key, item in runs.items()}
+        return self.over(
+            [replace(window, measured=changed[id(window.measured)]) for window in self.windows]
+        )
 
     def with_noise(self, noise: Mapping[str, float]) -> Problem:
         """Return the same windows weighted by another noise; it needs `prepare`."""

@@ -6,11 +6,10 @@ it is asked only then; an effect that a drifting zero could imitate has had its 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.quiet import with_colours
 from eha_bench.diagnosis.data.wander import NoiseStretch, Wander, wander_of
 from eha_bench.diagnosis.fit.evidence import refined_noise
@@ -54,8 +53,7 @@ def with_noise_of_residual(problem: Problem, vector: FloatArray) -> Problem:
     """
     seen = steady_noise_of_residual(problem, vector)
     # a channel whose level is seen, and no colour, is white
-    coloured = _with_measured(
-        problem,
+    coloured = problem.with_measured(
         lambda item: with_colours(
             item,
             {name: own for name, own in item.colours.items() if name not in seen.levels}
@@ -74,15 +72,7 @@ def with_noise_of_residual(problem: Problem, vector: FloatArray) -> Problem:
 
 def with_wander(problem: Problem, wander: Mapping[str, Wander]) -> Problem:
     """Return the same problem, to which wandering zeros are noise; it needs `prepare`."""
-    return _with_measured(problem, lambda item: replace(item, wander=wander))
-
-
-def _with_measured(problem: Problem, change: Callable[[Measured], Measured]) -> Problem:
-    runs = {id(item.measured): item.measured for item in problem.windows}
-    changed = {key: change(item) for key, item in runs.items()}
-    return problem.over(
-        [replace(item, measured=changed[id(item.measured)]) for item in problem.windows]
-    )
+    return problem.with_measured(lambda item: replace(item, wander=wander))
 
 
 def refit_with_noise(problem: Problem, fit: Fit) -> Fit:

@@ -1,0 +1,68 @@
+"""An input that a log holds a row after it acted: said where it is so, and nowhere else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.fit.baseline import calibrated_baseline
+from eha_bench.diagnosis.outcome.early_inputs import early_input, note_of_early_input
+from eha_bench.diagnosis.search.state import Search, begin
+from eha_bench.plants.model import load_model
+from eha_bench.plants.plant import Drive
+from eha_bench.recordings import write
+
+PLANT = """\
+plant: spindle
+nodes: {shaft: {kind: rotation, inertia: 9e-4 kg*m^2}}
+elements:
+  motor: {kind: motor, on: shaft, torque_constant: 0.13 N*m/A}
+  drag: {kind: friction, on: shaft, viscous: 0.004 N*m*s/rad}
+inputs: {current_command: motor.current}
+channels: {motor_speed: shaft.speed}
+calibrate: [shaft.inertia, drag.viscous]
+"""
+TICK = 2e-3
+
+
+def searched(folder: Path, rows: int) -> Search:
+    """Begin a search for what is missing where the current was logged so many rows late."""
+    (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    model = load_model(folder / "plant.yaml")
+    generator = np.random.default_rng(7)
+    time = TICK * np.arange(1200)
+    text = "model: plant.yaml\ninputs: [current_command]\nruns:\n"
+    for number in range(2):
+        levels = generator.uniform(-6.0, 6.0, time.size // 20)
+        current = np.repeat(levels, 20)
+        out = model.plant.simulate(
+            model.vector(), Drive(time, {"current_command": current}, {"motor_speed": 0.0}), 2e-4
+        )
+        speed = out[:, 0] + 0.02 * generator.standard_normal(time.size)
+        logged = np.concatenate([np.full(rows, current[0]), current[: time.size - rows]])
+        recording = Recording(time, {"current_command": logged, "motor_speed": speed})
+        write(folder / f"{number}.mcap", recording)
+        text += f"  - {{log: {number}.mcap}}\n"
+    (folder / "dataset.yaml").write_text(text, encoding="utf-8")
+    return begin(calibrated_baseline(load_dataset(folder / "dataset.yaml")))
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_a_current_that_was_read_back_is_said_to_have_acted_before(
+    tmp_path: Path, rows: int
+) -> None:
+    search = searched(tmp_path, rows)
+    found = early_input(search)
+    assert found is not None
+    assert (found.name, found.rows) == ("current_command", rows)
+    assert found.share > 0.9
+    words = "one row" if rows == 1 else "2 rows"
+    assert f"with 'current_command' {words} earlier" in note_of_early_input(search)[0]
+
+
+def test_of_a_current_that_acts_from_its_row_on_nothing_is_said(tmp_path: Path) -> None:
+    assert note_of_early_input(searched(tmp_path, 0)) == []
