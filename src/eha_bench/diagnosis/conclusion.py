@@ -18,13 +18,13 @@ from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameter
-from eha_bench.diagnosis.outcome.early_inputs import note_of_early_input
 from eha_bench.diagnosis.outcome.findings import assemble
 from eha_bench.diagnosis.outcome.honest import (
     against_the_end,
     curve_is_worse,
     prune,
 )
+from eha_bench.diagnosis.outcome.misplaced_columns import misplaced_column
 from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
 from eha_bench.diagnosis.outcome.rare_stretches import note_of_rare_stretches
@@ -92,7 +92,7 @@ class Conclusion:
         if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN:
-            found = self._with_early_input(self._with_rare_stretches(found))
+            found = self._with_misplaced_column(self._with_rare_stretches(found))
             self.found = found = self._with_differing_runs(found)
         if found.complete and (why := beyond_training(found, limits)):
             self.found = found = found.with_note(why)
@@ -136,11 +136,10 @@ class Conclusion:
             found = found.with_note(note)
         return found
 
-    def _with_early_input(self, found: Diagnosis) -> Diagnosis:
-        """Note an input that acts earlier than it was logged."""
-        for note in note_of_early_input(self.search):
-            found = found.with_note(note)
-        return found
+    def _with_misplaced_column(self, found: Diagnosis) -> Diagnosis:
+        """Note a column of the log that stands a row beside its place."""
+        column = misplaced_column(self.search)
+        return found if column is None else found.with_note(column.note)
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
         """Note a load or a mass whose differences between runs explain what is missing."""

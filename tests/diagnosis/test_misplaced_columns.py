@@ -1,4 +1,4 @@
-"""An input that a log holds a row after it acted: said where it is so, and nowhere else."""
+"""A column that a log holds a row beside its place: said where it is so, and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.baseline import calibrated_baseline
-from eha_bench.diagnosis.outcome.early_inputs import early_input, note_of_early_input
+from eha_bench.diagnosis.outcome.misplaced_columns import misplaced_column
 from eha_bench.diagnosis.search.state import Search, begin
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
@@ -23,14 +23,14 @@ elements:
   motor: {kind: motor, on: shaft, torque_constant: 0.13 N*m/A}
   drag: {kind: friction, on: shaft, viscous: 0.004 N*m*s/rad}
 inputs: {current_command: motor.current}
-channels: {motor_speed: shaft.speed}
+channels: {current: motor.current, motor_speed: shaft.speed}
 calibrate: [shaft.inertia, drag.viscous]
 """
 TICK = 2e-3
 
 
-def searched(folder: Path, rows: int) -> Search:
-    """Begin a search for what is missing where the current was logged so many rows late."""
+def searched(folder: Path, rows: int, current_rows: int = 0) -> Search:
+    """Begin a search where the command was logged so many rows late, and the current early."""
     (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
     model = load_model(folder / "plant.yaml")
     generator = np.random.default_rng(7)
@@ -42,10 +42,13 @@ def searched(folder: Path, rows: int) -> Search:
         out = model.plant.simulate(
             model.vector(), Drive(time, {"current_command": current}, {"motor_speed": 0.0}), 2e-4
         )
-        speed = out[:, 0] + 0.02 * generator.standard_normal(time.size)
+        read = {
+            name: out[:, at] + 0.02 * generator.standard_normal(time.size)
+            for at, name in enumerate(model.plant.outputs)
+        }
+        read["current"] = np.roll(read["current"], -current_rows)
         logged = np.concatenate([np.full(rows, current[0]), current[: time.size - rows]])
-        recording = Recording(time, {"current_command": logged, "motor_speed": speed})
-        write(folder / f"{number}.mcap", recording)
+        write(folder / f"{number}.mcap", Recording(time, {"current_command": logged, **read}))
         text += f"  - {{log: {number}.mcap}}\n"
     (folder / "dataset.yaml").write_text(text, encoding="utf-8")
     return begin(calibrated_baseline(load_dataset(folder / "dataset.yaml")))
@@ -56,13 +59,20 @@ def test_a_current_that_was_read_back_is_said_to_have_acted_before(
     tmp_path: Path, rows: int
 ) -> None:
     search = searched(tmp_path, rows)
-    found = early_input(search)
+    found = misplaced_column(search)
     assert found is not None
-    assert (found.name, found.rows) == ("current_command", rows)
+    assert (found.name, found.rows) == ("current_command", -rows)
     assert found.share > 0.9
     words = "one row" if rows == 1 else "2 rows"
-    assert f"with 'current_command' {words} earlier" in note_of_early_input(search)[0]
+    assert f"with 'current_command' {words} earlier" in found.note
+
+
+def test_a_current_that_its_rows_command_has_led_to_belongs_later(tmp_path: Path) -> None:
+    found = misplaced_column(searched(tmp_path, 0, current_rows=1))
+    assert found is not None
+    assert (found.name, found.rows) == ("current", 1)
+    assert "with 'current' one row later" in found.note
 
 
 def test_of_a_current_that_acts_from_its_row_on_nothing_is_said(tmp_path: Path) -> None:
-    assert note_of_early_input(searched(tmp_path, 0)) == []
+    assert misplaced_column(searched(tmp_path, 0)) is None
