@@ -76,3 +76,13 @@ def test_a_current_that_its_rows_command_has_led_to_belongs_later(tmp_path: Path
 
 def test_of_a_current_that_acts_from_its_row_on_nothing_is_said(tmp_path: Path) -> None:
     assert misplaced_column(searched(tmp_path, 0)) is None
+
+
+@pytest.mark.parametrize("name", ["current", "current_command"])
+def test_a_motors_current_that_was_read_back_has_a_sensors_noise(tmp_path: Path, name: str) -> None:
+    content = PLANT.replace("current: motor.current, ", "").replace("current_command", name)
+    (tmp_path / "plant.yaml").write_text(content, encoding="utf-8")
+    roles = load_model(tmp_path / "plant.yaml").plant.roles
+    is_read_back = name == "current"
+    assert (name in roles.commands) != is_read_back
+    assert (name in roles.added_up) == is_read_back

@@ -19,8 +19,13 @@ from eha_bench.diagnosis.data.colour import Colour, beside_parabola, colour_of
 from eha_bench.diagnosis.data.quiet import quiet_stretches, shows_noise
 from eha_bench.diagnosis.fit.problem import Problem
 
-_STRETCH = 64
-"""Samples of a stretch."""
+_SHORTEST, _LONGEST = 64, 128
+"""Samples of a stretch, at least and at most. Beside its parabola a short one says nothing of
+slow noise, and a filter's noise is then taken as too quiet there."""
+_STRETCH = 0.128
+"""And its length between these, s."""
+_FREQUENCIES = 64
+"""Frequencies at which a spectrum is looked at."""
 _QUIET = 0.5
 """Share of the stretches that a first colour is taken from, the quietest ones."""
 _ALL = 0.99
@@ -142,7 +147,7 @@ def swings(colour: Colour | None) -> bool:
     correlations = colour.correlations(_MEMORY + 1)
     correlations[0] += _FLOOR
     factors = solve_toeplitz(correlations[:-1], correlations[1:])
-    turns = np.outer(np.pi * np.arange(_STRETCH) / _STRETCH, np.arange(1, _MEMORY + 1))
+    turns = np.outer(np.pi * np.arange(_FREQUENCIES) / _FREQUENCIES, np.arange(1, _MEMORY + 1))
     power = np.abs(1.0 - np.exp(-1j * turns) @ factors) ** -2.0
     return bool(power[1:-1].max() > _PEAK * max(power[0], power[-1]))
 
@@ -153,12 +158,13 @@ def same_noise(runs: Sequence[Sequence[FloatArray]], colour: Colour | None) -> b
     By the median of their mean squares: a few stretches in which a run holds more do not count.
 
     Args:
-        runs: of each its stretches, (64,) each. colour: of the noise, None where it is white.
+        runs: of each its stretches, (n,) each. colour: of the noise, None where it is white.
     """
     squares = [_mean_squares(run) for run in runs if len(run) >= _FEWEST]
     if len(squares) < 2:
         return True
-    _, freedom = _expected_square(colour)
+    length = next(own for run in runs for own in run).size
+    _, freedom = _expected_square(colour, length)
     usual = float(np.median(np.concatenate(squares)))
     for own in squares:
         # of a median: pi / 2 times the variance of a mean
@@ -176,13 +182,13 @@ def noise_of_stretches(stretches: Sequence[FloatArray]) -> tuple[float, Colour |
     mean squares of stretches are scattered as chi-square, whose quartile is known.
 
     Args:
-        stretches: of 64 samples each; some may hold more than noise.
+        stretches: of as many samples each; some may hold more than noise.
     """
     squares = _mean_squares(stretches)
     kept = squares <= np.quantile(squares, _QUIET)
     for _ in range(_ROUNDS):
         colour = colour_of([own for own, keep in zip(stretches, kept, strict=True) if keep])
-        usual, freedom = _expected_square(colour)
+        usual, freedom = _expected_square(colour, stretches[0].size)
         quartile = float(np.quantile(squares, _LOW))
         variance = quartile / (usual * float(chdtri(freedom, 1.0 - _LOW)) / freedom)
         kept = squares <= variance * usual * float(chdtri(freedom, 1.0 - _ALL)) / freedom
@@ -193,6 +199,7 @@ def _stretches(problem: Problem, vector: FloatArray) -> dict[str, dict[str, list
     """Return what is left of each channel, by run, in stretches of neighbouring samples, SI."""
     problem.prepare(vector)
     residual = problem.with_best_start(vector)
+    length = _length_of_stretches(problem)
     found: dict[str, dict[str, list[FloatArray]]] = {}
     names = problem.plant.outputs
     for piece in problem.pieces:
@@ -200,25 +207,32 @@ def _stretches(problem: Problem, vector: FloatArray) -> dict[str, dict[str, list
         run = problem.windows[piece.window].measured.run.name
         for channel, mask in piece.by_channel():
             own, ticks = rows[mask] * problem.noise[names[channel]], piece.ticks[mask]
-            for first in range(0, own.size - _STRETCH + 1, _STRETCH):
-                span = slice(first, first + _STRETCH)
-                if ticks[span][-1] - ticks[span][0] == _STRETCH - 1:
+            for first in range(0, own.size - length + 1, length):
+                span = slice(first, first + length)
+                if ticks[span][-1] - ticks[span][0] == length - 1:
                     by_run = found.setdefault(names[channel], {})
                     by_run.setdefault(run, []).append(own[span])
     return found
 
 
+def _length_of_stretches(problem: Problem) -> int:
+    """Return how many samples a stretch has."""
+    tick = float(np.median([window.measured.tick for window in problem.windows]))
+    return int(np.clip(round(_STRETCH / tick), _SHORTEST, _LONGEST))
+
+
 def _at_rest(problem: Problem) -> dict[str, list[FloatArray]]:
     """Return the readings of each channel while nothing moves, where they show its noise."""
     found: dict[str, list[FloatArray]] = {}
+    length = _length_of_stretches(problem)
     runs = {item.measured.run.name: item.measured for item in problem.windows}
     for measured in runs.values():
         for stretch in quiet_stretches(measured):
             for name, values in stretch.items():
                 if shows_noise(values, measured.steps.get(name, 0.0)):
                     found.setdefault(name, []).extend(
-                        values[first : first + _STRETCH]
-                        for first in range(0, values.size - _STRETCH + 1, _STRETCH)
+                        values[first : first + length]
+                        for first in range(0, values.size - length + 1, length)
                     )
     return found
 
@@ -228,7 +242,7 @@ def _mean_squares(stretches: Sequence[FloatArray]) -> FloatArray:
     return np.array([float(np.mean(beside_parabola(own) ** 2)) for own in stretches])
 
 
-def _expected_square(colour: Colour | None) -> tuple[float, float]:
+def _expected_square(colour: Colour | None, length: int) -> tuple[float, float]:
     """Return the mean square of a stretch about its parabola, for noise of 1, and its freedom.
 
     Without a colour the noise is white.
@@ -236,8 +250,8 @@ def _expected_square(colour: Colour | None) -> tuple[float, float]:
     A quadratic form x'Ax of normal x has the mean tr(AR) and the variance 2 tr(ARAR); chi-square
     of as many degrees has the same ratio of both (Satterthwaite, Biometrics Bull. 2 (1946) 110).
     """
-    beside = np.stack([beside_parabola(unit) for unit in np.eye(_STRETCH)])
-    white = np.eye(_STRETCH)[0]
-    form = beside @ toeplitz(white if colour is None else colour.correlations(_STRETCH))
+    beside = np.stack([beside_parabola(unit) for unit in np.eye(length)])
+    white = np.eye(length)[0]
+    form = beside @ toeplitz(white if colour is None else colour.correlations(length))
     mean = float(np.trace(form))
-    return mean / _STRETCH, mean**2 / float(np.sum(form * form.T))
+    return mean / length, mean**2 / float(np.sum(form * form.T))

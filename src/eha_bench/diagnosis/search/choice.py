@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from eha_bench.diagnosis.fit.evidence import Improvement
+from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
 from eha_bench.diagnosis.search.state import Refit, Search
 
@@ -51,13 +52,7 @@ def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:
 
     What stands at a bound is refused in the end, and would take the place of what does as well.
     """
-    places = search.problem.places
-    inside = [
-        item
-        for item in good
-        if item.start.bound_met(item.fit.vector) is None
-        and places.bound_met(item.start.keys, item.fit.vector) is None
-    ]
+    inside = [item for item in good if are_inside(search, [item.start], item.fit.vector)]
     best = good[0]
     if inside and is_as_good(search, inside[0].fit, best.fit, best.comparison.gain):
         return inside

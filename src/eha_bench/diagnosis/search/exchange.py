@@ -17,6 +17,7 @@ from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement, compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
+from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good
 from eha_bench.diagnosis.search.refit import Near, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
@@ -92,7 +93,9 @@ def _best(
         near.promising(starts, _TRIED)
         trials = near.trials(_TRIED)
         done = [replace(t, fit=polish_at_rest(search, t.fit, [t.start])) for t in trials[:2]]
-        return min(done, key=lambda trial: trial.fit.cost, default=None)
+        kept_too = [other.start for other in others]
+        inside = [t for t in done if are_inside(search, [t.start, *kept_too], t.fit.vector)]
+        return min(inside, key=lambda trial: trial.fit.cost, default=None)
     finally:
         search.restore(kept)
 

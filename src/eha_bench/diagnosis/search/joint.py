@@ -17,6 +17,7 @@ from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, Improvement, compare,
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
+from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.forms import take_best_form
 from eha_bench.diagnosis.search.refit import Near, Nearby, is_bent, polish_at_rest
 from eha_bench.diagnosis.search.settle import rebase, settle
@@ -144,7 +145,8 @@ def _best(search: Search) -> Nearby | None:
     done = side_by_side(lambda pair: Nearby(pair.starts, near.long(pair)), good)
     # what polishes prepares the search's own windows: one after the other
     done = [Nearby(p.starts, polish_at_rest(search, p.fit, p.starts)) for p in done]
-    return min(done, key=_cost, default=None)
+    inside = [pair for pair in done if are_inside(search, pair.starts, pair.fit.vector)]
+    return min(inside, key=_cost, default=None)
 
 
 def _cost(item: Nearby) -> float:

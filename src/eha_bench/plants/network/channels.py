@@ -8,6 +8,9 @@ from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.network.element import NodeKind
 from eha_bench.plants.network.system import System
 
+_READ_BACK = "current"
+"""The known channel of a motor's current as it is measured, not as it is asked for."""
+
 
 def imposable_signals(system: System) -> list[tuple[str, int]]:
     """Return the outputs that are signals, (channel, place in `S`): a drive may impose them."""
@@ -88,7 +91,10 @@ def roles_of_channels(
         if item.number in system.locked_coordinates
     ]
     commands = {column.signal: column.channel for column in system.columns if column.command}
-    held = [column.channel for column in system.columns if column.held and column.command]
+    asked = [column.channel for column in system.columns if column.held and column.command]
+    # by its name a current was read back, whatever it drives, so it has a sensor's noise
+    read_back = [name for name in asked if name == _READ_BACK]
+    held = [name for name in asked if name != _READ_BACK]
     held += [
         column.channel for column in system.columns
         if column.held and column.part is not None and column.part.anatomy.loop is not None
@@ -163,7 +169,14 @@ def roles_of_channels(
         limited=(*acting, *looped),
         bent=tuple(bent),
         locked=tuple(locked),
-        added_up=(*acting, *rates.values(), *pressures, *reservoirs, "pressure_difference"),
+        added_up=(
+            *acting,
+            *read_back,
+            *rates.values(),
+            *pressures,
+            *reservoirs,
+            "pressure_difference",
+        ),
         added_up_by_rod=tuple(forces),
         volumes=tuple(item.name for item in system.volumes),
         units=units,
