@@ -9,6 +9,7 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.data.noise import is_rough
 from eha_bench.diagnosis.fit.baseline import calibrated_baseline
 from eha_bench.diagnosis.outcome.misplaced_columns import misplaced_column
 from eha_bench.diagnosis.search.state import Search, begin
@@ -86,3 +87,14 @@ def test_a_motors_current_that_was_read_back_has_a_sensors_noise(tmp_path: Path,
     is_read_back = name == "current"
     assert (name in roles.commands) != is_read_back
     assert (name in roles.added_up) == is_read_back
+
+
+def test_only_what_is_rough_has_noise() -> None:
+    generator = np.random.default_rng(3)
+    smooth = 3.0 * np.sin(2.0 * np.pi * 0.8 * np.arange(0.0, 2.0, 2e-3))
+    held = np.repeat(generator.uniform(-5.0, 5.0, 50), 20)
+    assert is_rough(smooth + 0.03 * generator.standard_normal(smooth.size))
+    assert is_rough(held + 0.03 * generator.standard_normal(held.size))
+    assert not is_rough(smooth)
+    assert not is_rough(held)
+    assert not is_rough(smooth[:5])

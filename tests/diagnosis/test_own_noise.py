@@ -59,16 +59,15 @@ def test_a_channel_that_is_seen_white_loses_its_colour(
     monkeypatch.setattr(wandering, "steady_noise_of_residual", lambda *_: seen)
     monkeypatch.setattr(wandering, "with_colours", lambda _, colours: given.append(colours))
 
-    def each(_: object, change: Callable[[object], object]) -> object:
+    def each(change: Callable[[object], object]) -> object:
         change(run({"motor_speed": colour, "current": colour}))
         return SimpleNamespace(with_noise=lambda noise: noise)
 
-    monkeypatch.setattr(wandering, "_with_measured", each)
     noise = {"motor_speed": 1.0, "current": 2.0, "force": 3.0}
     # no stretch of the force is long enough, and what is left of it is a tenth of its noise
     left = {"motor_speed": 0.3, "current": 1.9, "force": 0.3}
     monkeypatch.setattr(wandering, "refined_noise", lambda *_: left)
-    stub = SimpleNamespace(noise=noise, residual=lambda _: np.zeros(1))
+    stub = SimpleNamespace(noise=noise, residual=lambda _: np.zeros(1), with_measured=each)
     found: object = wandering.with_noise_of_residual(cast("Problem", stub), np.zeros(1))
     assert given == [{"current": colour}]
     assert found == {"motor_speed": 0.1, "current": 2.0, "force": 0.3}

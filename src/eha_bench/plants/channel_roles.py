@@ -31,6 +31,7 @@ class ChannelRoles:
         bent: positions beyond an elastic joint that nothing reads: how far it is bent in the midst
             of a motion is not known.
         locked: channels and states that stand still while the piston is locked.
+        read_back: inputs that a drive may have read back: exact where they are smooth.
         added_up: inputs whose noise a balance adds up. added_up_by_rod: those of a free rod's.
         volumes: nodes whose pressure is a state. units: SI unit of every channel.
     """
@@ -49,6 +50,7 @@ class ChannelRoles:
     limited: tuple[str, ...] = ()
     bent: tuple[str, ...] = ()
     locked: tuple[str, ...] = ()
+    read_back: tuple[str, ...] = ()
     added_up: tuple[str, ...] = ()
     added_up_by_rod: tuple[str, ...] = ()
     volumes: tuple[str, ...] = ()

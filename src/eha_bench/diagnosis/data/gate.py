@@ -21,6 +21,7 @@ from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.lost_inputs import LostValues, guess_lost
 from eha_bench.diagnosis.data.measured import FirstReading, Measured, parted_at_gaps
 from eha_bench.diagnosis.data.noise import (
+    is_rough,
     noise_of_input,
     quantum_of,
     sharp_noise_of,
@@ -199,7 +200,7 @@ def _driving_inputs(
             continue
         raw = _input(name, recording, where)
         lost = sampled.lost.get(name, ~np.isfinite(raw))
-        asked = name in roles.commands
+        asked = _is_exact(name, time, raw, roles)
         known = raw
         if lost.any():
             found.missing[lost] = True
@@ -213,7 +214,8 @@ def _driving_inputs(
                 values["unknown"] = found.unsure[name].ticks.size
             notes.append(Note(text, run=run.name, **values))
         found.values[name] = _filled(time, known, held=asked)
-        found.noise.update(_input_noise(name, time, raw, roles))
+        if not asked and (level := noise_of_input(parted_at_gaps(time, raw))) > 0.0:
+            found.noise[name] = level
     return found
 
 
@@ -300,12 +302,11 @@ def _input(name: str, recording: Recording, where: Place) -> FloatArray:
     return raw
 
 
-def _input_noise(
-    name: str, time: FloatArray, raw: FloatArray, roles: ChannelRoles
-) -> dict[str, float]:
-    """Return an input's noise by its name; what was asked for, or never changes, has none."""
-    level = 0.0 if name in roles.commands else noise_of_input(parted_at_gaps(time, raw))
-    return {name: level} if level > 0.0 else {}
+def _is_exact(name: str, time: FloatArray, raw: FloatArray, roles: ChannelRoles) -> bool:
+    """Whether an input is what was asked for: by its name, or as it is smooth."""
+    if name in roles.commands:
+        return True
+    return name in roles.read_back and not is_rough(parted_at_gaps(time, raw))
 
 
 def _clock(

@@ -18,6 +18,10 @@ from eha_bench.core.arrays import FloatArray
 
 THIRD = 20.0
 """Mean square of third differences of white noise of 1: the squares of (1, -3, 3, -1) summed."""
+FIFTH = 252.0
+"""The same of fifth differences: (1, -5, 10, -10, 5, -1)."""
+_ROUGH = 0.3
+"""Least level by fifth differences, in that by third ones, of what is noise."""
 _BLOCK = 100
 _SHORTEST_BLOCK = 20
 _BLOCKS = 5
@@ -107,6 +111,19 @@ def noise_of_input(values: FloatArray) -> float:
     good = values[np.isfinite(values)]
     step = 0.0 if _is_set(good) else quantum_of(good)
     return max(_usual(third), noise_of_step(step))
+
+
+def is_rough(values: FloatArray) -> bool:
+    """Whether an input's differences show noise: those of what is smooth vanish order by order.
+
+    The fifth differences of white noise have a mean square of 252, the third ones of 20.
+    """
+    third, fifth = (np.diff(values, order) for order in (3, 5))
+    third, fifth = third[np.isfinite(third)], fifth[np.isfinite(fifth)]
+    if fifth.size < 8:
+        return False
+    levels = [float(np.median(np.abs(own))) for own in (third, fifth)]
+    return levels[1] > _ROUGH * levels[0] * float(np.sqrt(FIFTH / THIRD))
 
 
 def _is_set(values: FloatArray) -> bool:

@@ -71,7 +71,7 @@ def _candidates(search: Search) -> Iterator[tuple[str, int]]:
     """Yield commands, which may belong earlier, and currents, which may belong later."""
     runs = [window.measured for window in search.problem.windows]
     roles = runs[0].roles
-    for name in roles.commands:
+    for name in (*roles.commands, *roles.read_back):
         if all(name in item.inputs for item in runs):
             yield from ((name, -rows) for rows in _ROWS)
     yield from ((name, 1) for name in roles.acting if name in search.problem.noise)

@@ -169,6 +169,7 @@ def roles_of_channels(
         limited=(*acting, *looped),
         bent=tuple(bent),
         locked=tuple(locked),
+        read_back=tuple(read_back),
         added_up=(
             *acting,
             *read_back,
