@@ -17,7 +17,7 @@ from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
-from eha_bench.diagnosis.outcome.differing_runs import differing_parameter
+from eha_bench.diagnosis.outcome.differing_runs import differing_parameters
 from eha_bench.diagnosis.outcome.findings import assemble
 from eha_bench.diagnosis.outcome.honest import (
     against_the_end,
@@ -142,8 +142,8 @@ class Conclusion:
         return found if column is None else found.with_note(column.note)
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
-        """Note a load or a mass whose differences between runs explain what is missing."""
-        differing = differing_parameter(self.base, self.search.excess_base)
+        """Note loads, masses or friction whose differences between runs explain it."""
+        differing = differing_parameters(self.base, self.search.excess_base)
         return found if differing is None else found.with_note(differing.note)
 
     def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:

@@ -317,6 +317,11 @@ class Plant:
         return ()
 
     @property
+    def changed_by_warmth(self) -> tuple[str, ...]:
+        """Parameters that change as a machine warms up: friction, leakage."""
+        return ()
+
+    @property
     def roles(self) -> ChannelRoles:
         """What its channels are; of a plant that says nothing, as their names are known."""
         return KNOWN

@@ -1,9 +1,11 @@
-"""Whether something is missing because a load or a mass differs from run to run.
+"""Whether something is missing because runs differ that are declared alike.
 
 A mass that is bolted on, or a load that pulls harder in one recording than in another, is no effect
-of the machine: the runs are declared alike, and are not. Fitted with one value for all, the
-parameters bend until they imitate it. So where something is missing that no effect explains, the
-loads and masses that the plant declares are given a value of their own in each run.
+of the machine; nor is oil that was warmer in the next recording, by which friction falls and
+leakage grows. Fitted with one value for all runs, the parameters bend until they imitate it. So
+where something is missing that no effect explains, the loads and masses that the plant declares are
+given a value of their own in each run, one after the other, and then all friction and leakage that
+is calibrated at once.
 
 A first look takes slopes only: where the residual r has the columns J of what is fitted, and c_k of
 the value in run k, the fall of |r|^2 by all c_k beside J, less that by their sum. Only where that
@@ -12,7 +14,7 @@ is much are the parameters fitted again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -23,6 +25,7 @@ from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import Baseline, calibrated_baseline
 from eha_bench.diagnosis.fit.evidence import Excess, excess
 from eha_bench.diagnosis.fit.least_squares import free_parameters, jacobian
+from eha_bench.plants.model import Model
 
 _PROMISED: Final = 0.05
 """Share of the residual that slopes promise, from which the parameters are fitted again: little, as
@@ -34,62 +37,97 @@ _ENOUGH: Final = 0.5
 
 
 @dataclass(frozen=True)
-class DifferingParameter:
-    """A parameter that differs from run to run.
+class DifferingParameters:
+    """Parameters that differ from run to run.
 
     Attributes:
-        key: of the plant. unit: SI. values: run -> value, SI. share: of what was missing.
+        values: key of the plant -> run -> value, SI. units: key -> SI unit.
+        share: of what was missing that goes.
     """
 
-    key: str
-    unit: str
-    values: dict[str, float]
+    values: dict[str, dict[str, float]]
+    units: dict[str, str]
     share: float
 
     @property
     def note(self) -> str:
-        """What it is and how it is declared, as a sentence."""
-        values = ", ".join(f"{value:.4g} in {run}" for run, value in self.values.items())
+        """What they are and how they are declared, as a sentence."""
+        said = "; ".join(
+            f"{key}, {self.units[key]}: "
+            + ", ".join(f"{value:.4g} in {run}" for run, value in runs.items())
+            for key, runs in self.values.items()
+        )
+        alone = len(self.values) == 1
+        what = next(iter(self.values)) if alone else "friction and leakage"
+        verb, own, them = (
+            ("seems", "a value of its own", "it")
+            if alone
+            else ("seem", "values of their own", "them")
+        )
+        warm = "" if alone else ", as with oil that warms up"
         return (
-            f"{self.key} seems to differ from run to run ({self.unit}: {values}): with a value of "
-            f"its own in each run {per_cent(self.share)} of what is missing goes. If it does, "
-            "declare it under `per_run`, or its values under the runs' `parameters`"
+            f"{what} {verb} to differ from run to run{warm} ({said}): with {own} in each run "
+            f"{per_cent(self.share)} of what is missing goes. If so, declare {them} under "
+            "`per_run`, or the values under the runs' `parameters`"
         )
 
 
-def differing_parameter(base: Baseline, missing: Excess) -> DifferingParameter | None:
-    """Return the load or mass whose differences between runs explain what is missing, if any.
+def differing_parameters(base: Baseline, missing: Excess) -> DifferingParameters | None:
+    """Return the parameters whose differences between runs explain what is missing, if any.
 
     Args:
         base: calibrated, with one value for all runs. missing: what is left beside it.
     """
-    model, layout = base.dataset.model, base.dataset.model.plant.layout
-    keys = [key for key in model.plant.changed_between_runs if key not in model.per_run]
-    promised = _promised_shares(base, keys) if keys else {}
-    found: list[DifferingParameter] = []
-    for key in sorted(promised, key=lambda key: -promised[key]):
-        if promised[key] < _PROMISED or any(item.share >= _NEARLY_ALL for item in found):
-            break
-        shared = tuple(other for other in model.calibrate if other != key)
-        own = replace(model, calibrate=shared, per_run=(*model.per_run, key))
+    model = base.dataset.model
+    single = [(key,) for key in model.plant.changed_between_runs if key not in model.per_run]
+    together = tuple(
+        key
+        for key in model.plant.changed_by_warmth
+        if key in model.calibrate and key not in model.per_run
+    )
+    one = max(_found(base, missing, single), key=lambda item: item.share, default=None)
+    if one is not None or not together:
+        return one
+    return next(_found(base, missing, [together]), None)
+
+
+def _found(
+    base: Baseline, missing: Excess, groups: Sequence[tuple[str, ...]]
+) -> Iterator[DifferingParameters]:
+    """Yield the groups of parameters that explain enough, each with values of its own by run."""
+    promised = _promised_shares(base, groups) if groups else {}
+    for keys in sorted(promised, key=lambda keys: -promised[keys]):
+        if promised[keys] < _PROMISED:
+            return
+        own = _with_own_values(base.dataset.model, keys)
         other = calibrated_baseline(replace(base.dataset, model=own))
         left = excess(other.problem, other.fit)
         share = 1.0 - max(left.relative, 0.0) / missing.relative
         if share < _ENOUGH:
             continue
+        vector, places = other.fit.vector, other.problem.places.own
         values = {
-            item.run: float(other.fit.vector[item.place])
-            for item in other.problem.places.own
-            if item.parameter == key
+            key: {item.run: float(vector[item.place]) for item in places if item.parameter == key}
+            for key in keys
         }
-        found.append(DifferingParameter(key, layout.by_key[key].unit, values, share))
-    return max(found, key=lambda item: item.share, default=None)
+        layout = own.plant.layout
+        yield DifferingParameters(values, {key: layout.by_key[key].unit for key in keys}, share)
+        if share >= _NEARLY_ALL:
+            return
 
 
-def _promised_shares(base: Baseline, keys: Sequence[str]) -> dict[str, float]:
-    """Return the share of the residual that slopes promise, for each value that may differ by run.
+def _with_own_values(model: Model, keys: Sequence[str]) -> Model:
+    """Return a model in which some parameters have a value of their own in each run."""
+    shared = tuple(key for key in model.calibrate if key not in keys)
+    return replace(model, calibrate=shared, per_run=(*model.per_run, *keys))
 
-    Of a key that fewer than two runs leave open nothing is promised: it is left out.
+
+def _promised_shares(
+    base: Baseline, groups: Sequence[tuple[str, ...]]
+) -> dict[tuple[str, ...], float]:
+    """Return the share of the residual that slopes promise, for what may differ by run.
+
+    Of a group that fewer than two runs leave open nothing is promised: it is left out.
     """
     fit, problem = base.fit, base.problem
     # a search has moved the start states since, and with them residual and slopes
@@ -97,16 +135,18 @@ def _promised_shares(base: Baseline, keys: Sequence[str]) -> dict[str, float]:
     shared = jacobian(problem, fit.vector, fit.free, residual)
     whole = max(float(residual @ residual), 1e-300)
     promised = {}
-    for key in keys:
-        runs = [item.run.name for item in base.measured if key not in item.run.parameters]
+    for keys in groups:
+        runs = [item.run.name for item in base.measured if not set(keys) & set(item.run.parameters)]
         if len(runs) < 2:
             continue
-        [free] = free_parameters(base.dataset.model.plant.layout, [key], fit.vector)
-        own = [replace(free, key=f"{key} in {run}", run=run) for run in runs]
-        columns = jacobian(problem, fit.vector, own, residual)
-        alike = columns.sum(axis=1, keepdims=True)
-        gain = _squares_left(residual, shared, alike) - _squares_left(residual, shared, columns)
-        promised[key] = gain / whole
+        frees = free_parameters(base.dataset.model.plant.layout, keys, fit.vector)
+        columns, alike = [], []
+        for free in frees:
+            own = [replace(free, key=f"{free.key} in {run}", run=run) for run in runs]
+            columns.append(jacobian(problem, fit.vector, own, residual))
+            alike.append(columns[-1].sum(axis=1, keepdims=True))
+        before = _squares_left(residual, shared, *alike)
+        promised[keys] = (before - _squares_left(residual, shared, *columns)) / whole
     return promised
 
 

@@ -53,4 +53,5 @@ KIND = ElementKind(
     parameters=(_COULOMB, _STATIC, _STRIBECK, _VISCOUS, _CREEP),
     anatomy=_anatomy,
     source="Armstrong-Helouvry et al., Automatica 30 (1994) 1083",
+    changed_by_warmth=("coulomb", "static", "viscous"),
 )

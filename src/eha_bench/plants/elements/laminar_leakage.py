@@ -37,4 +37,5 @@ KIND = ElementKind(
     anatomy=_anatomy,
     required=("conductance",),
     source="Merritt, Hydraulic Control Systems, Wiley 1967",
+    changed_by_warmth=("conductance",),
 )

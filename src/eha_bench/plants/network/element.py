@@ -306,6 +306,7 @@ class ElementKind:
             `<key>_<parameter>`.
         changed_between_runs: names of parameters that people change from one recording to the next
             (a load, a mass bolted on): where a dataset declares one value, runs may differ.
+        changed_by_warmth: names of parameters that change as a machine warms up.
     """
 
     id: str
@@ -317,6 +318,7 @@ class ElementKind:
     source: str = ""
     refers: tuple[str, ...] = ()
     changed_between_runs: tuple[str, ...] = ()
+    changed_by_warmth: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse to require what is no parameter: no plant could declare it.
@@ -325,7 +327,8 @@ class ElementKind:
             PluginError: it does.
         """
         known = [item.name for item in self.parameters]
-        for verb, names in (("requires", self.required), ("changes", self.changed_between_runs)):
+        changed = (*self.changed_between_runs, *self.changed_by_warmth)
+        for verb, names in (("requires", self.required), ("changes", changed)):
             for name in names:
                 if name not in known:
                     raise PluginError(

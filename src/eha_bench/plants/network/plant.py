@@ -24,7 +24,7 @@ from eha_bench.plants.network.channels import (
     units_of_channels,
 )
 from eha_bench.plants.network.compiler import compiled_kernel, refuse_uncompiled
-from eha_bench.plants.network.element import Friction
+from eha_bench.plants.network.element import ElementKind, Friction
 from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.network.loosened import LoosenedPlant
@@ -157,12 +157,22 @@ class NetworkPlant(Plant):
     @property
     def changed_between_runs(self) -> tuple[str, ...]:
         """Parameters that people change from one recording to the next: loads, bolted masses."""
-        found = [
-            self.system.slot_of[f"{part.name}.{name}"]
+        return self._slots_of(lambda kind: kind.changed_between_runs)
+
+    @property
+    def changed_by_warmth(self) -> tuple[str, ...]:
+        """Parameters that change as a machine warms up: friction, leakage."""
+        return self._slots_of(lambda kind: kind.changed_by_warmth)
+
+    def _slots_of(self, names_of: Callable[[ElementKind], tuple[str, ...]]) -> tuple[str, ...]:
+        """Return keys of those parameters of all elements that are declared, by their names."""
+        slots = self.system.slot_of
+        keys = (
+            f"{part.name}.{name}"
             for part in self.system.parts.values()
-            for name in part.element.kind.changed_between_runs
-        ]
-        return tuple(dict.fromkeys(found))
+            for name in names_of(part.element.kind)
+        )
+        return tuple(dict.fromkeys(slots[key] for key in keys if key in slots))
 
     @cached_property
     def roles(self) -> ChannelRoles:
