@@ -30,7 +30,15 @@ calibrate: [shaft.inertia, drag.viscous]
 TICK = 2e-3
 
 
-def searched(folder: Path, rows: int, current_rows: int = 0) -> Search:
+def stepped(generator: np.random.Generator, time: np.ndarray) -> np.ndarray:
+    return np.repeat(generator.uniform(-6.0, 6.0, time.size // 20), 20)
+
+
+def swinging(_: np.random.Generator, time: np.ndarray) -> np.ndarray:
+    return 5.0 * np.sin(2.0 * np.pi * 3.0 * time)
+
+
+def searched(folder: Path, rows: int, current_rows: int = 0, asked=stepped) -> Search:
     """Begin a search where the command was logged so many rows late, and the current early."""
     (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
     model = load_model(folder / "plant.yaml")
@@ -38,8 +46,7 @@ def searched(folder: Path, rows: int, current_rows: int = 0) -> Search:
     time = TICK * np.arange(1200)
     text = "model: plant.yaml\ninputs: [current_command]\nruns:\n"
     for number in range(2):
-        levels = generator.uniform(-6.0, 6.0, time.size // 20)
-        current = np.repeat(levels, 20)
+        current = asked(generator, time)
         out = model.plant.simulate(
             model.vector(), Drive(time, {"current_command": current}, {"motor_speed": 0.0}), 2e-4
         )
@@ -69,7 +76,7 @@ def test_a_current_that_was_read_back_is_said_to_have_acted_before(
 
 
 def test_a_current_that_its_rows_command_has_led_to_belongs_later(tmp_path: Path) -> None:
-    found = misplaced_column(searched(tmp_path, 0, current_rows=1))
+    found = misplaced_column(searched(tmp_path, 0, current_rows=1, asked=swinging))
     assert found is not None
     assert (found.name, found.rows) == ("current", 1)
     assert "with 'current' one row later" in found.note

@@ -20,6 +20,7 @@ from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.fit.evidence import excess
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.search.state import Search
 
 _ROWS = (1, 2)
@@ -56,9 +57,11 @@ def misplaced_column(search: Search) -> MisplacedColumn | None:
     """Return the column that is most clearly beside its place, None where none is.
 
     Args:
-        search: finished, with something missing that nothing explains.
+        search: finished; where nothing is missing no column is asked for.
     """
-    missing = max(search.excess_left.total, 1.0)
+    if not search.is_unexplained:
+        return None
+    missing = search.excess_left.total
     tried = (
         MisplacedColumn(name, rows, 1.0 - _left(search, name, rows) / missing)
         for name, rows in _candidates(search)
@@ -94,6 +97,9 @@ def _left(search: Search, name: str, rows: int) -> float:
 
     problem = search.problem.with_measured(moved)
     problem.prepare(search.fit.vector)
+    if cost_of(problem, search.fit.vector) > search.fit.cost:
+        # what belongs there errs less at once, before anything is fitted again
+        return search.excess_left.total
     fit = levenberg_marquardt(
         problem, search.fit.vector, search.fit.free, iterations=_ITERATIONS, refresh=1
     )
