@@ -140,7 +140,8 @@ def score_recordings(
         for key, found in digests.items():
             found.add(recording.metadata.get(key, ""))
         circumstances.add(recording)
-        check_reference(recording, chosen, Place(file=str(path)))
+        if channels is not None:
+            check_reference(recording, chosen, Place(file=str(path)))
         repeat = sum(result.id == chosen.id for result in done)
         judged = judge(recording, chosen, repeat)
         used[chosen.id, repeat] = chosen

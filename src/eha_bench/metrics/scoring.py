@@ -123,11 +123,10 @@ def _check(recording: object, trial: object) -> None:
             hint="take one of eha_bench.suites.load_suite('suite.yaml').trials, or let "
             "`eha-bench score --trial` find it by its id",
         )
-    check_reference(recording, trial)
 
 
-def check_reference(recording: Recording, trial: Trial, where: Place | None = None) -> None:
-    """Refuse a recording whose `reference` is no quantity that the trial controls.
+def check_reference(recording: Recording, trial: Trial, where: Place) -> None:
+    """Refuse a foreign log whose `reference` is mapped as no quantity that the trial controls.
 
     Args:
         recording: of the trial. trial: it. where: the recording, for the message.
