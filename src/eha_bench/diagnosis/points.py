@@ -339,11 +339,14 @@ def _replay(plant: StaticPlant, item: Points, models: Sequence[Model]) -> Replay
 def _effect(plant: StaticPlant, best: TriedCandidate, base: TriedCandidate) -> FoundEffect:
     assert best.start is not None
     effect = plant.layout.effect(best.start.candidate)
-    words = {
-        p.name: str(p.decode(float(best.vector[plant.layout.index[f"{effect.id}.{p.name}"]])))
-        for p in effect.parameters
-        if p.choices
-    }
+    index = plant.layout.index
+    words = effect.words_at(
+        {
+            p.name: float(best.vector[index[f"{effect.id}.{p.name}"]])
+            for p in effect.parameters
+            if p.size == 1
+        }
+    )
     numbers = {key.split(".", 1)[1]: _estimate(plant, key, best) for key in best.start.keys}
     share = 1.0 - best.left / base.left
     equation = effect.equation(words)

@@ -417,6 +417,14 @@ class BoundEffect:
             if parameter.searched and not parameter.choices and self._matters(parameter, values)
         )
 
+    def words_at(self, values: Mapping[str, float]) -> dict[str, str]:
+        """Return the words of its choices that matter, given its numbers; its place is none."""
+        return {
+            item.name: str(item.decode(values[item.name]))
+            for item in self.parameters
+            if item.choices and item.name != AT and self._matters(item, values)
+        }
+
     def _matters(self, parameter: Parameter, values: Mapping[str, object]) -> bool:
         name, words = parameter.when
         return not name or self._chosen_word(name, values) in words

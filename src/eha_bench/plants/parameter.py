@@ -87,6 +87,7 @@ def choice(
     default: str | None = None,
     of_role: str = "",
     refines: bool = False,
+    when: tuple[str, tuple[str, ...]] = ("", ()),
 ) -> Parameter:
     """Return a parameter that is one of several words; the first is the default."""
     place = 0 if default is None else words.index(default)
@@ -98,6 +99,7 @@ def choice(
         float(len(words) - 1),
         source=source,
         choices=words,
+        when=when,
         role=of_role,
         refines=refines,
     )

@@ -40,29 +40,37 @@ _SMALL = 0.2
 """Share of a declared weight up to which first order holds: 2 % of it is lost."""
 _PRESSED = {"p_a", "p_b", "pump_load", "difference"}
 """What laws name that follow a pressure."""
+_FRICTION = {"dry", "viscous"}
+"""Hooks of a friction, which may as well follow the speed."""
 
 
 def confounding_notes(
     measured: Sequence[Measured], effects: Sequence[BoundEffect]
 ) -> tuple[str, ...]:
-    """Return what speaks of effects that follow a pressure where speed changes with it.
+    """Return what speaks of friction that follows a pressure where speed changes with it.
 
     Args:
         measured: runs that were fitted. effects: those that were found.
     """
-    pressed = [effect.id for effect in effects if follows_pressure(effect)]
+    pressed = [
+        effect.id
+        for effect in effects
+        if follows_pressure(effect) and _FRICTION & set(effect.action.hooks)
+    ]
     if not pressed or len(measured) < _FEWEST:
         return ()
-    notes = []
-    for pressure, speed, rho in _together(measured):
-        way = "lower" if rho < 0.0 else "higher"
-        notes.append(
-            f"CAUTION: speed and pressure are confounded: from run to run, {speed} is {way} where "
-            f"{pressure} is higher (rank correlation {rho:.2f} over {len(measured)} runs), so the "
-            f"pressure dependence of {' and '.join(pressed)} may in part be one on speed; runs at "
-            "one speed and all pressures would separate them"
-        )
-    return tuple(notes)
+    # where several do, the closest says it all
+    closest = max(_together(measured), key=lambda item: abs(item[2]), default=None)
+    if closest is None:
+        return ()
+    pressure, speed, rho = closest
+    way = "lower" if rho < 0.0 else "higher"
+    return (
+        f"CAUTION: speed and pressure are confounded: from run to run, {speed} is {way} where "
+        f"{pressure} is higher (rank correlation {rho:.2f} over {len(measured)} runs), so the "
+        f"pressure dependence of {' and '.join(pressed)} may in part be one on speed; runs at "
+        "one speed and all pressures would separate them",
+    )
 
 
 def zero_offset_notes(

@@ -31,7 +31,7 @@ from eha_bench.diagnosis.outcome.diagnosis import ADDED, Diagnosis, FoundEffect,
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import found_rival
 from eha_bench.diagnosis.search.state import RankedCandidate, Search
-from eha_bench.plants.effect import AT, BoundEffect
+from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.model import Model
 
 
@@ -73,11 +73,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
                 effect.id,
                 str(effect.equation(numbers).value),
                 _numbers(effect, item.start.keys, values, numbers),
-                {
-                    p.name: str(p.decode(numbers[p.name]))
-                    for p in effect.parameters
-                    if p.choices and p.name != AT
-                },
+                effect.words_at(numbers),
                 item.comparison.explained_out,
                 item.comparison.p_value,
                 effect.place(numbers),

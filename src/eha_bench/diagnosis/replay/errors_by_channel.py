@@ -122,14 +122,16 @@ def replay_notes(
             "noise floors): such runs are replayed from the best-fitting start within that noise, "
             "while predict starts from the sample itself"
         )
+    added_up = []
     for name, error in errors.items():
         if error.after == inf:
             yield f"a whole replay of {name} in {runs} runs diverges with the revised model"
         elif error.after > _ADDED_UP * max(error.after_windows, error.noise_floor):
-            yield (
-                f"{name}: small errors add up over whole {runs} runs, to {error.after:.3g} "
-                f"{error.unit}; over short windows it is {error.after_windows:.3g} {error.unit}"
+            added_up.append(
+                f"{name} to {error.after:.3g} {error.unit} ({error.after_windows:.3g} in windows)"
             )
+    if added_up:
+        yield f"small errors add up over whole {runs} runs: {', '.join(added_up)}"
 
 
 def bent_notes(errors: Mapping[str, ChannelError], runs: str) -> Iterator[str]:

@@ -110,7 +110,13 @@ EFFECT = Effect(
             "phi",
             when=("drawn_by", ("swinging",)),
         ),
-        choice("wave", ("sine", "sawtooth"), "of what others draw", refines=True),
+        choice(
+            "wave",
+            ("sine", "sawtooth"),
+            "of what others draw",
+            refines=True,
+            when=("drawn_by", ("swinging",)),
+        ),
     ),
     actions={
         "supply": Action(
