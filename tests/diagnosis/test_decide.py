@@ -89,7 +89,11 @@ def curves(monkeypatch: pytest.MonkeyPatch, asked: Asked) -> Curves:
         curve = LocatedCurve(template, share, np.zeros(2), np.zeros(2))
         learned = fit(before - share * excess, period, scale)
         answers = {
-            "locate": (SimpleNamespace(short="short"), equation, [curve] if located else []),
+            "locate": (
+                SimpleNamespace(short="short", near=(equation,)),
+                equation,
+                [curve] if located else [],
+            ),
             "learn": (None, learned),
             "times_of": ((1.0, 2.0),),
             "places_of": ("place",) * places,

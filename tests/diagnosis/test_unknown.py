@@ -36,6 +36,7 @@ from eha_bench.diagnosis.unknown.locator import (
     by_what_it_follows,
     described_places,
     locate,
+    near_balances,
 )
 from eha_bench.diagnosis.unknown.places import SuspectPlace, Template, places_of
 from eha_bench.plants.effects.learned import KNOTS
@@ -72,6 +73,26 @@ def test_a_sensor_is_told_where_its_error_explains_all_and_clearly_more() -> Non
 def test_a_balance_is_preferred_to_a_sensor(support: float, left: float, own_left: float) -> None:
     found = believed_place([offered(SENSOR, support, left, own_left), offered(BALANCE, 900.0)])
     assert found.place is BALANCE
+
+
+@pytest.mark.parametrize(
+    ("support", "left", "told"), [(1400.0, 0.5, True), (1000.0, 0.5, False), (1400.0, 0.7, False)]
+)
+def test_a_sensor_is_told_that_is_far_ahead_and_explains_most(
+    support: float, left: float, *, told: bool
+) -> None:
+    """A sensor that sticks leaves more than one whose error is slow."""
+    found = believed_place([offered(SENSOR, support, left, left), offered(BALANCE, 900.0)])
+    assert (found.place is SENSOR) == told
+
+
+def test_balances_that_nearly_as_much_speaks_for_are_near() -> None:
+    torque, flow, force = (
+        SuspectPlace(name, "additive", name, ()) for name in ("torque", "flow", "force")
+    )
+    places = [offered(torque, 1000.0), offered(SENSOR, 990.0), offered(flow, 950.0),
+              offered(force, 800.0)]  # fmt: skip
+    assert near_balances(places, places[0]) == ("torque", "flow")
 
 
 class _Forms(Locator):

@@ -177,6 +177,10 @@ def _unknown(
         return Decision(Verdict.UNKNOWN, search.fit, notes, unknown)
     progress("learn", 0.0)
     found = _decision_with_curve(search, locator, located[0], step, notes)
+    others = [name for name in locator.near if name != located[0].template.equation]
+    if others:
+        also = f"these data hardly tell it from one in the {' and '.join(others)} balance"
+        found = replace(found, notes=(*found.notes, also))
     return replace(found, locator=locator, located=tuple(located))
 
 

@@ -132,6 +132,8 @@ class Locator:
         here = replace(near, residual=self.base, jacobian=self.matrix, soft=self.short.soft)
         self.curves = Curves(self.short, self.period, here)
         self.channels = np.concatenate([piece.channels for piece in self.short.pieces])
+        self.near: tuple[str, ...] = ()
+        """Balances that nearly as much speaks for as for the believed one, and that one."""
 
     def supported_places(self, progress: ProgressHook) -> list[SupportedPlace]:
         """Return every place that can act at all, the one with most support first."""
@@ -313,9 +315,21 @@ def locate(
     offered = locator.supported_places(progress)
     if not offered:
         return locator, "", []
-    best = believed_place(offered).place.equation
+    believed = believed_place(offered)
+    best = believed.place.equation
+    locator.near = near_balances(offered, believed)
     curves = described_places(locator, offered)
     return locator, curves[0].template.equation if curves else best, curves
+
+
+def near_balances(offered: Sequence[SupportedPlace], believed: SupportedPlace) -> tuple[str, ...]:
+    """Return the balances that nearly as much speaks for as for a place, its own among them.
+
+    Args:
+        offered: places, that with most support first. believed: the one that is named.
+    """
+    near = [item for item in offered if item.support > _AS_GOOD * believed.support]
+    return tuple(dict.fromkeys(item.place.equation for item in near if not item.place.sensors))
 
 
 def described_places(locator: Locator, offered: Sequence[SupportedPlace]) -> list[LocatedCurve]:
