@@ -85,20 +85,20 @@ def differing_parameters(base: Baseline, missing: Excess) -> DifferingParameters
         for key in model.plant.changed_by_warmth
         if key in model.calibrate and key not in model.per_run
     )
-    one = max(_found(base, missing, single), key=lambda item: item.share, default=None)
-    if one is not None or not together:
-        return one
-    return next(_found(base, missing, [together]), None)
+    groups = [*single, together] if together else single
+    promised = _promised_shares(base, groups) if groups else {}
+    hopeful = [keys for keys in promised if promised[keys] >= _PROMISED]
+    hopeful.sort(key=lambda keys: -promised[keys])
+    alone = _found(base, missing, [keys for keys in hopeful if keys != together])
+    one = max(alone, key=lambda item: item.share, default=None)
+    return one or next(_found(base, missing, [keys for keys in hopeful if keys == together]), None)
 
 
 def _found(
     base: Baseline, missing: Excess, groups: Sequence[tuple[str, ...]]
 ) -> Iterator[DifferingParameters]:
     """Yield the groups of parameters that explain enough, each with values of its own by run."""
-    promised = _promised_shares(base, groups) if groups else {}
-    for keys in sorted(promised, key=lambda keys: -promised[keys]):
-        if promised[keys] < _PROMISED:
-            return
+    for keys in groups:
         own = _with_own_values(base.dataset.model, keys)
         other = calibrated_baseline(replace(base.dataset, model=own))
         left = excess(other.problem, other.fit)
