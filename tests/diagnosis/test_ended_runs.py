@@ -57,3 +57,23 @@ def test_parameters_are_those_of_the_machine(late: Path) -> None:
 def test_a_run_that_fits_is_not_looked_at(tmp_path: Path) -> None:
     base = baseline_up_to_jumps(load_dataset(write_drive(tmp_path, friction=0.0)))
     assert base.dataset.training[0].until == float("inf")
+
+
+BENT = ("hold_under_gravity", "friction_gravity", "backlash_detection", "trapezoidal_profile")
+
+
+@pytest.mark.slow
+def test_a_jump_that_bends_the_calibration_is_found(shared_data: Path, tmp_path: Path) -> None:
+    """A real arm of which four of five fitted motions are slow: the model as declared shows it."""
+    example = Path(__file__).parents[2] / "examples" / "so101" / "rotation"
+    for name in ("plant.yaml", "channels.yaml"):
+        (tmp_path / name).write_text((example / name).read_text())
+    logs = [shared_data / "so101" / f"{name}.csv" for name in (*BENT, "chirp_sweep")]
+    rows = "".join(f"  - {{log: {log}, use: train}}\n" for log in logs)
+    (tmp_path / "dataset.yaml").write_text(
+        f"model: plant.yaml\nchannels: channels.yaml\ninputs: [command]\nruns:\n{rows}"
+    )
+    base = baseline_up_to_jumps(load_dataset(tmp_path / "dataset.yaml"))
+    (note,) = (item for item in base.notes if "later than before" in item)
+    assert note.startswith("chirp_sweep: from 112")
+    assert "80.2 ms later" in note

@@ -46,7 +46,7 @@ _SEEN: Final = 3.0
 _SHIFTS: Final = 18
 """Shifts of each sign, denser where they are short."""
 _MODELS: Final = 2
-"""The revised model shows a jump best; where it is far off, the recalibrated one may."""
+"""The last model shows a jump best; where it is far off, the one before may."""
 
 
 @dataclass(frozen=True)

@@ -185,18 +185,18 @@ def _one(
 
 
 def rough_replay(
-    measured: Measured, model: Model, own: OwnValues, lateness: Mapping[str, float]
+    measured: Measured, models: Sequence[Model], own: OwnValues, lateness: Mapping[str, float]
 ) -> Replay:
     """Replay one run quickly, from its first sample as it is and at a coarse step.
 
     Args:
-        measured: the run; it has something to compare. model: as fitted.
+        measured: the run; it has something to compare. models: of one plant.
         own: runs' own parameters. lateness: clock -> s by which its stamps are late.
     """
     known = own.get(measured.run.name, {})
     run = replace(measured.knowing(known), lateness=lateness)
-    values = (_simulate(run, model, first_state(run, model), COARSE),)
-    return _replay_of(measured, _read_columns(measured), values, values, {}, model)
+    values = [_simulate(run, model, first_state(run, model), COARSE) for model in models]
+    return _replay_of(measured, _read_columns(measured), values, values, {}, models[-1])
 
 
 def _read_columns(measured: Measured) -> Columns:
