@@ -1,5 +1,7 @@
 """Runs whose readings come later from some moment on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -117,3 +119,14 @@ def test_readings_at_half_the_rate_and_a_simulation_that_diverges() -> None:
     assert jump.time == pytest.approx(40.0, abs=0.5)
     simulated[2500:] = np.inf
     assert delay_jump(_replay(measured, simulated), {"angle": NOISE}) is None
+
+
+@pytest.mark.parametrize(("models_agree", "found"), [(True, True), (False, False)])
+def test_two_models_have_to_show_it(models_agree: bool, found: bool) -> None:
+    """A resonance that one model has at another frequency looks like a jump to that one alone."""
+    measured, simulated = _run(lambda time: np.where(time < 40.0, 0.04, 0.12))
+    item = _replay(measured, simulated)
+    other = {"angle": simulated if models_agree else measured}
+    for models in ((other, *item.simulated[1:2]), (*item.simulated[1:2], other)):
+        jump = delay_jump(replace(item, simulated=models), {"angle": NOISE})
+        assert (jump is not None) == found

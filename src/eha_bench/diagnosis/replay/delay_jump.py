@@ -8,10 +8,10 @@ run's readings y(t) and shifts k_1 before and k_2 after a moment m,
                       + sum over t >= m of (y(t) - s(t - k_2))^2 / floor^2
 
 is least somewhere. It is a jump where each part, and what lies next to the moment on either side,
-needs its own shift: with the other part's the error is at least twice as large, in every channel
-that shows an error at all. A lag that grows slowly, as friction's or a frequency sweep's, prefers
-neither next to the moment; an offset of a slow ramp, which looks like a shift, is left out with the
-means over a second.
+needs its own shift: with the other part's the error is at least 1.7 times as large, in every
+channel that shows an error at all, and where a second model shows the same. A lag that grows
+slowly, as friction's or a frequency sweep's, prefers neither next to the moment; an offset of a
+slow ramp, which looks like a shift, is left out with the means over a second.
 """
 
 from __future__ import annotations
@@ -39,14 +39,18 @@ _TAIL_PARTS: Final = 4
 """Equal parts of what follows the jump, each of which has to show it: one event is no delay."""
 _SLOW: Final = 1.0
 """Means over so many s are left out: on a slow ramp an offset looks like a shift."""
-_LESS: Final = 0.5
-"""What its own shift leaves of the error of a part, at most."""
+_LESS: Final = 0.6
+"""What its own shift leaves of the error of a part, at most. A real arm's jump, by models that lack
+its friction and weight, leaves 0.2 to 0.6; what is no jump leaves 0.95 or more of some part."""
+_AGREES: Final = 0.8
+"""The same by another model, which has to agree: the phase of a sweep that passes a resonance where
+one model has none looks like a jump of 30 ms."""
 _SEEN: Final = 3.0
 """That error in noise floors, at least."""
 _SHIFTS: Final = 18
 """Shifts of each sign, denser where they are short."""
 _MODELS: Final = 2
-"""The last model shows a jump best; where it is far off, the one before may."""
+"""The last model shows a jump best; where it is far off, the one before may. Both have to agree."""
 
 
 @dataclass(frozen=True)
@@ -100,19 +104,24 @@ class _Squares:
         """Whether both shifts lie within those that were looked at: at an end is no minimum."""
         return all(0 < row < self.shifts.size - 1 for row in (split.first, split.second))
 
-    def is_sharp(self, split: _Split, least: int) -> bool:
-        """Whether each part needs its own shift, next to the moment too, and to the very end."""
+    def is_sharp(self, split: _Split, least: int, less: float) -> bool:
+        """Whether each part needs its own shift, next to the moment too, and to the very end.
+
+        Args:
+            split: where. least: samples next to the moment. less: what the own shift leaves of a
+                part's error at most.
+        """
         moment, first, second = split.moment, split.first, split.second
         edges = np.linspace(moment, self.total.shape[1], _TAIL_PARTS + 1).astype(int)
         later = [slice(moment, moment + least), *(slice(*ends) for ends in pairwise(edges))]
         earlier = [slice(moment), slice(moment - least, moment)]
-        return all(self._prefers(part, first, second) for part in earlier) and all(
-            self._prefers(part, second, first) for part in later
+        return all(self._prefers(part, first, second, less) for part in earlier) and all(
+            self._prefers(part, second, first, less) for part in later
         )
 
-    def _prefers(self, part: slice, own: int, other: int) -> bool:
+    def _prefers(self, part: slice, own: int, other: int, less: float) -> bool:
         rows = self.total[:, part].sum(axis=1)
-        return bool(rows[own] < _LESS**2 * rows[other])
+        return bool(rows[own] < less**2 * rows[other])
 
 
 def delay_jump(item: Replay, floors: Mapping[str, float]) -> DelayJump | None:
@@ -125,40 +134,83 @@ def delay_jump(item: Replay, floors: Mapping[str, float]) -> DelayJump | None:
     """
     if not item.is_bounded:
         return None
-    found = (_jump(item, simulated, floors) for simulated in reversed(item.simulated[-_MODELS:]))
-    return next((jump for jump in found if jump is not None), None)
+    models = reversed(item.simulated[-_MODELS:])
+    seen = [_compared(item, simulated, floors) for simulated in models]
+    clear = (one for one in seen if one is not None and one.is_jump(_LESS))
+    first = next(clear, None)
+    if first is None or not all(one is not None and one.agrees(first) for one in seen):
+        return None
+    return first.jump(floors)
 
 
-def _jump(item: Replay, simulated: Columns, floors: Mapping[str, float]) -> DelayJump | None:
-    """Return the moment from which on a run's readings follow one model later, if any."""
+@dataclass(frozen=True)
+class _Compared:
+    """One run and one model's replay at the best split.
+
+    Attributes:
+        item: the run. squares: of all shifts. split: the best. longest: shift, samples.
+        least: samples of a part at least.
+    """
+
+    item: Replay
+    squares: _Squares
+    split: _Split
+    longest: int
+    least: int
+
+    @property
+    def time(self) -> float:
+        """Moment of the split, s."""
+        return float(self.item.time[self.longest + self.split.moment])
+
+    @property
+    def later(self) -> float:
+        """By how much readings come later from there on, s."""
+        shifts = self.squares.shifts
+        return int(shifts[self.split.second] - shifts[self.split.first]) * self.item.tick
+
+    def is_jump(self, less: float) -> bool:
+        """Whether it is far enough, a minimum, and sharp; own shifts leave `less` at most."""
+        far = abs(self.later) >= max(_LEAST * self.item.tick, _LEAST_TIME) * (1.0 - 1e-9)
+        inside = far and self.squares.is_least(self.split)
+        return inside and self.squares.is_sharp(self.split, self.least, less)
+
+    def agrees(self, other: _Compared) -> bool:
+        """Whether it shows what another model shows, if less clearly."""
+        near = abs(self.time - other.time) <= _SHORTEST and self.later * other.later > 0.0
+        return near and self.is_jump(_AGREES)
+
+    def jump(self, floors: Mapping[str, float]) -> DelayJump | None:
+        """Return the jump, if every channel that shows an error shows it."""
+        seen = []
+        for name, squares in self.squares.by_channel.items():
+            rest = squares[:, self.split.moment :]
+            error, shifted = (
+                float(np.sqrt(rest[k].mean())) for k in (self.split.first, self.split.second)
+            )
+            if error > _SEEN * floors[name]:
+                seen.append((error / floors[name], name, error, shifted))
+        if not seen or any(shifted > _LESS * error for _, _, error, shifted in seen):
+            return None
+        _, name, error, shifted = max(seen)
+        return DelayJump(self.time, self.later, name, error, shifted)
+
+
+def _compared(item: Replay, simulated: Columns, floors: Mapping[str, float]) -> _Compared | None:
+    """Return a run and one model's replay at the best split; None where it is too short."""
     names = [name for name in item.measured if floors.get(name, 0.0) > 0.0]
     if not names or item.time.size < 2:
         return None
     tick = item.tick
     longest = round(_LONGEST / tick)
     least = max(round(_SHORTEST / tick), round(_PART * item.time.size))
-    inner = item.time[longest : item.time.size - longest]
-    if longest < _LEAST or inner.size < 2 * least:
+    if longest < _LEAST or item.time.size - 2 * longest < 2 * least:
         return None
     pairs = {
         name: (_quick(item.measured[name], tick), _quick(simulated[name], tick)) for name in names
     }
     squares = _squares(pairs, floors, longest)
-    split = squares.best_split(least)
-    apart = int(squares.shifts[split.second] - squares.shifts[split.first])
-    far = abs(apart) >= max(_LEAST, _LEAST_TIME / tick)
-    if not (far and squares.is_least(split) and squares.is_sharp(split, least)):
-        return None
-    seen = []
-    for name in names:
-        rest = squares.by_channel[name][:, split.moment :]
-        error, shifted = (float(np.sqrt(rest[k].mean())) for k in (split.first, split.second))
-        if error > _SEEN * floors[name]:
-            seen.append((error / floors[name], name, error, shifted))
-    if not seen or any(shifted > _LESS * error for _, _, error, shifted in seen):
-        return None
-    _, name, error, shifted = max(seen)
-    return DelayJump(float(inner[split.moment]), apart * tick, name, error, shifted)
+    return _Compared(item, squares, squares.best_split(least), longest, least)
 
 
 def _quick(values: FloatArray, tick: float) -> FloatArray:
