@@ -29,6 +29,7 @@ from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_repl
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
 from eha_bench.diagnosis.outcome.rare_stretches import note_of_rare_stretches
 from eha_bench.diagnosis.outcome.refusal import Refusal
+from eha_bench.diagnosis.outcome.remainder import remainder
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.search import stepwise
@@ -94,6 +95,8 @@ class Conclusion:
         if found.complete and found.verdict is Verdict.UNKNOWN:
             found = self._with_misplaced_column(self._with_rare_stretches(found))
             self.found = found = self._with_differing_runs(found)
+        if found.complete and found.verdict is Verdict.EFFECT and self.search.is_unexplained:
+            self.found = found = self._with_remainder(found, asked, workers)
         if found.complete and (why := beyond_training(found, limits)):
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
@@ -145,6 +148,18 @@ class Conclusion:
         """Note loads, masses or friction whose differences between runs explain it."""
         differing = differing_parameters(self.base, self.search.excess_base)
         return found if differing is None else found.with_note(differing.note)
+
+    def _with_remainder(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
+        """Say what remains beside the effects, and where it acts."""
+        self.stage = "locate"
+        places = [(item.id, item.equation, item.at) for item in found.effects]
+        try:
+            with checkpoints(asked), fits_by(workers):
+                left = remainder(self.search, places, COARSE, self._on_progress)
+        except KeyboardInterrupt:
+            note = "interrupted before what remains was located"
+            return replace(found.with_note(note), complete=False)
+        return found if left is None else replace(found, remainder=left).with_note(left.note)
 
     def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Fit what these data cannot tell from what was found."""

@@ -17,6 +17,7 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.lazy import later
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
+from eha_bench.diagnosis.outcome.remainder import Remainder
 from eha_bench.diagnosis.outcome.rival import Rival
 from eha_bench.diagnosis.replay.error_by_value import ErrorByValue
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -158,6 +159,7 @@ class Diagnosis:
         covered: where the training recordings have been.
         error_by_value: errors of the revised model by the value of each channel.
         lateness: clock of a log -> s by which its stamps are late by always the same.
+        remainder: what effects that were found leave, where that is more than noise.
         seconds: how long it took.
         simulations: how many simulations of all training data that equals, by simulated time.
     """
@@ -187,6 +189,7 @@ class Diagnosis:
     seconds: float = math.nan
     simulations: float = math.nan
     lateness: Mapping[str, Estimate] = field(default_factory=dict)
+    remainder: Remainder | None = None
 
     def __repr__(self) -> str:
         """What it is in one line: the verdict, and what was found."""
@@ -228,6 +231,7 @@ class Diagnosis:
                 "period": self.unknown.period or None,
                 "when": [list(pair) for pair in self.unknown.when],
             },
+            "remainder": None if self.remainder is None else self.remainder.to_dict(),
             "equivalent": [list(group) for group in self.equivalent],
             "separate": dict(self.separate),
             "ranking": [

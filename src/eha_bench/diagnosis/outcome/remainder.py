@@ -1,0 +1,102 @@
+"""What remains beside the effects that were found: how much, in which balance, what it follows.
+
+A measured machine keeps a remainder that no law of a few numbers explains. Where it acts is told as
+for something unknown (`unknown.locator`), with the effects in the model. Where an effect that was
+found acts at the same place, its law may be another one: a sensor whose gain is off reads as an
+offset that is right at one pressure only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from eha_bench.core.finite import finite_or_none
+from eha_bench.core.per_cent import per_cent
+from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.search.state import Search
+from eha_bench.diagnosis.unknown.locator import locate
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What the effects that were found leave of what was missing.
+
+    Attributes:
+        share: of what was missing, in squared error, that remains.
+        equation: balance it acts in. at: node, element or sensor where a curve of it does best.
+        variable: what that curve follows, "" where none explains any of it.
+        explained: part of what remains that the curve explains over windows of 0.1 s left out.
+        near: other balances that these data hardly tell it from.
+        found_there: effects that were found at the same place.
+    """
+
+    share: float
+    equation: str
+    at: str = ""
+    variable: str = ""
+    explained: float = 0.0
+    near: tuple[str, ...] = ()
+    found_there: tuple[str, ...] = ()
+
+    @property
+    def note(self) -> str:
+        """Say it in a sentence or two."""
+        text = f"what remains ({per_cent(self.share)} of what was missing) acts "
+        if self.equation == "measurement" and self.at:
+            text += f"in the measurement of {_channel(self.at)}"
+        else:
+            text += f"in the {self.equation} balance"
+            text += f", best described at '{self.at}'" if self.at else ""
+        if self.variable:
+            text += f"; a curve of {self.variable} explains {per_cent(self.explained)} of it"
+        else:
+            text += "; no curve of one variable explains any of it"
+        if self.near:
+            text += f"; it could be in the {' or '.join(self.near)} balance nearly as well"
+        if self.found_there:
+            names = " and ".join(self.found_there)
+            text += f". {names} acts there, too: its law may be another one, its size off"
+        return text
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as it stands in diagnosis.json."""
+        return {
+            "share": finite_or_none(self.share),
+            "equation": self.equation,
+            "at": self.at or None,
+            "variables": [self.variable] if self.variable else [],
+            "explained": self.explained,
+        }
+
+
+def remainder(
+    search: Search, places: Sequence[tuple[str, str, str]], step: float, progress: ProgressHook
+) -> Remainder | None:
+    """Return what remains beside the effects that were found; None where nothing can act.
+
+    Args:
+        search: finished, with effects, and more than noise left.
+        places: of each effect its id, its balance, and where it acts.
+        step: integration step of the localisation, s. progress: called often.
+    """
+    locator, equation, located = locate(search.problem, search.fit, step, progress)
+    if not equation:
+        return None
+    share = max(search.excess_left.total, 0.0) / max(search.excess_base.total, 1.0)
+    near = tuple(name for name in locator.near if name != equation)
+    best = located[0] if located else None
+    if best is None or best.share <= search.thresholds.follows:
+        return Remainder(min(share, 1.0), equation, near=near)
+    at = best.template.place
+    here = equation, _channel(at)
+    there = tuple(name for name, balance, where in places if (balance, where) == here)
+    explained = min(best.share, 1.0)
+    variable = best.template.variable
+    return Remainder(min(share, 1.0), equation, at, variable, explained, near, there)
+
+
+def _channel(place: str) -> str:
+    """Return the channel where a place is its sensor, else the place."""
+    return place.removesuffix(".sensor")

@@ -1,0 +1,80 @@
+"""What remains beside the effects that were found: where it acts, and what it follows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.fit.baseline import COARSE, calibrated_baseline, no_progress
+from eha_bench.diagnosis.outcome.remainder import Remainder, remainder
+from eha_bench.diagnosis.search.state import begin
+from eha_bench.recordings import write
+
+PLANT = """\
+plant: spindle
+nodes: {shaft: {kind: rotation, inertia: 9e-4 kg*m^2}}
+elements:
+  motor: {kind: motor, on: shaft, torque_constant: 0.13 N*m/A}
+  drag: {kind: friction, on: shaft, viscous: 0.004 N*m*s/rad}
+inputs: {current_command: motor.current}
+channels: {motor_speed: shaft.speed}
+calibrate: [shaft.inertia, drag.viscous]
+"""
+TICK, STEPS = 2e-3, 20
+
+
+def with_drag(current: np.ndarray) -> np.ndarray:
+    """Return the speed of a spindle that turns against air, k w |w|, by its own equation."""
+    speed, out = 0.0, np.empty(current.size)
+    for at, asked in enumerate(current):
+        out[at] = speed
+        for _ in range(STEPS):
+            torque = 0.13 * asked - 0.004 * speed - 4e-5 * speed * abs(speed)
+            speed += TICK / STEPS * torque / 9e-4
+    return out
+
+
+def test_a_drag_is_placed_in_the_torque_and_follows_the_speed(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    generator = np.random.default_rng(3)
+    text = "model: plant.yaml\ninputs: [current_command]\nruns:\n"
+    for number in range(2):
+        current = np.repeat(generator.uniform(-8.0, 8.0, 60), 20)
+        speed = with_drag(current) + 0.05 * generator.standard_normal(current.size)
+        columns = {"current_command": current, "motor_speed": speed}
+        write(tmp_path / f"{number}.mcap", Recording(TICK * np.arange(current.size), columns))
+        text += f"  - {{log: {number}.mcap}}\n"
+    (tmp_path / "dataset.yaml").write_text(text, encoding="utf-8")
+    search = begin(calibrated_baseline(load_dataset(tmp_path / "dataset.yaml")))
+    places = [("coulomb_friction", "torque", "shaft"), ("current_lag", "actuation", "motor")]
+    found = remainder(search, places, COARSE, no_progress)
+    assert found is not None
+    assert (found.share, found.equation, found.variable) == (1.0, "torque", "motor_speed")
+    assert found.explained > 0.9
+    assert found.note.startswith("what remains (100 % of what was missing) acts in the torque")
+    assert "a curve of motor_speed explains" in found.note
+
+
+@pytest.mark.parametrize("effects", [(), ("pressure_sensor_offset",)])
+def test_an_effect_of_the_same_place_may_have_another_law(effects: tuple[str, ...]) -> None:
+    left = Remainder(
+        0.07, "measurement", "pressure_a.sensor", "pressure_a", 1.0, ("force",), effects
+    )
+    assert left.note.startswith(
+        "what remains (7 % of what was missing) acts in the measurement of pressure_a; a curve of "
+        "pressure_a explains 100 % of it; it could be in the force balance nearly as well"
+    )
+    assert left.note.endswith("its law may be another one, its size off") is bool(effects)
+    assert left.to_dict()["variables"] == ["pressure_a"]
+
+
+def test_what_no_curve_explains_follows_nothing() -> None:
+    left = Remainder(0.3, "torque")
+    assert left.note.endswith(
+        "acts in the torque balance; no curve of one variable explains any of it"
+    )
+    assert (left.to_dict()["at"], left.to_dict()["variables"]) == (None, [])
