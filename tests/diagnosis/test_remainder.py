@@ -50,13 +50,18 @@ def test_a_drag_is_placed_in_the_torque_and_follows_the_speed(tmp_path: Path) ->
         text += f"  - {{log: {number}.mcap}}\n"
     (tmp_path / "dataset.yaml").write_text(text, encoding="utf-8")
     search = begin(calibrated_baseline(load_dataset(tmp_path / "dataset.yaml")))
-    places = [("coulomb_friction", "torque", "shaft"), ("current_lag", "actuation", "motor")]
+    places = [("current_lag", "actuation", "motor")]
     found = remainder(search, places, COARSE, no_progress)
     assert found is not None
     assert (found.share, found.equation, found.variable) == (1.0, "torque", "motor_speed")
     assert found.explained > 0.9
+    assert found.found_there == ()
     assert found.note.startswith("what remains (100 % of what was missing) acts in the torque")
     assert "a curve of motor_speed explains" in found.note
+    places.append(("coulomb_friction", "torque", found.at))
+    again = remainder(search, places, COARSE, no_progress)
+    assert again is not None
+    assert again.found_there == ("coulomb_friction",)
 
 
 @pytest.mark.parametrize("effects", [(), ("pressure_sensor_offset",)])
@@ -68,7 +73,9 @@ def test_an_effect_of_the_same_place_may_have_another_law(effects: tuple[str, ..
         "what remains (7 % of what was missing) acts in the measurement of pressure_a; a curve of "
         "pressure_a explains 100 % of it; it could be in the force balance nearly as well"
     )
-    assert left.note.endswith("its law may be another one, its size off") is bool(effects)
+    assert left.note.endswith("its law may be another one, so its size has no interval") is bool(
+        effects
+    )
     assert left.to_dict()["variables"] == ["pressure_a"]
 
 

@@ -159,7 +159,13 @@ class Conclusion:
         except KeyboardInterrupt:
             note = "interrupted before what remains was located"
             return replace(found.with_note(note), complete=False)
-        return found if left is None else replace(found, remainder=left).with_note(left.note)
+        if left is None:
+            return found
+        effects = tuple(
+            item.without_intervals if item.id in left.found_there else item
+            for item in found.effects
+        )
+        return replace(found, effects=effects, remainder=left).with_note(left.note)
 
     def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Fit what these data cannot tell from what was found."""

@@ -60,6 +60,12 @@ class FoundEffect:
     p_value: float = math.nan
     at: str = ""
 
+    @property
+    def without_intervals(self) -> FoundEffect:
+        """The effect with its numbers alone."""
+        alone = {name: item.without_interval for name, item in self.parameters.items()}
+        return replace(self, parameters=alone)
+
 
 @dataclass(frozen=True)
 class Unknown:

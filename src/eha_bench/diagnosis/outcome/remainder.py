@@ -18,6 +18,9 @@ from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.search.state import Search
 from eha_bench.diagnosis.unknown.locator import locate
 
+_MOST = 0.5
+"""Part of what remains that a curve explains from which an effect at its place has another law."""
+
 
 @dataclass(frozen=True)
 class Remainder:
@@ -29,7 +32,8 @@ class Remainder:
         variable: what that curve follows, "" where none explains any of it.
         explained: part of what remains that the curve explains over windows of 0.1 s left out.
         near: other balances that these data hardly tell it from.
-        found_there: effects that were found at the same place.
+        found_there: effects at the same place, where the curve explains most of what remains:
+            their law may be another one, and then their sizes have no intervals.
     """
 
     share: float
@@ -56,8 +60,10 @@ class Remainder:
         if self.near:
             text += f"; it could be in the {' or '.join(self.near)} balance nearly as well"
         if self.found_there:
-            names = " and ".join(self.found_there)
-            text += f". {names} acts there, too: its law may be another one, its size off"
+            text += (
+                f". {' and '.join(self.found_there)} acts there, too: its law may be another one, "
+            )
+            text += "so its size has no interval"
         return text
 
     def to_dict(self) -> dict[str, Any]:
@@ -91,8 +97,9 @@ def remainder(
         return Remainder(min(share, 1.0), equation, near=near)
     at = best.template.place
     here = equation, _channel(at)
-    there = tuple(name for name, balance, where in places if (balance, where) == here)
     explained = min(best.share, 1.0)
+    alike = [name for name, balance, where in places if (balance, where) == here]
+    there = tuple(alike) if explained > _MOST else ()
     variable = best.template.variable
     return Remainder(min(share, 1.0), equation, at, variable, explained, near, there)
 
