@@ -64,8 +64,17 @@ def test_a_drag_is_placed_in_the_torque_and_follows_the_speed(tmp_path: Path) ->
     assert again.found_there == ("coulomb_friction",)
 
 
-@pytest.mark.parametrize("effects", [(), ("pressure_sensor_offset",)])
-def test_an_effect_of_the_same_place_may_have_another_law(effects: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        ((), "the force balance nearly as well"),
+        (("pressure_sensor_offset",), "its law may be another one, so its size has no interval"),
+        (("a", "b"), "their laws may be other ones, so their sizes have no intervals"),
+    ],
+)
+def test_an_effect_of_the_same_place_may_have_another_law(
+    effects: tuple[str, ...], said: str
+) -> None:
     left = Remainder(
         0.07, "measurement", "pressure_a.sensor", "pressure_a", 1.0, ("force",), effects
     )

@@ -59,11 +59,12 @@ class Remainder:
             text += "; no curve of one variable explains any of it"
         if self.near:
             text += f"; it could be in the {' or '.join(self.near)} balance nearly as well"
-        if self.found_there:
-            text += (
-                f". {' and '.join(self.found_there)} acts there, too: its law may be another one, "
-            )
-            text += "so its size has no interval"
+        if len(self.found_there) == 1:
+            text += f". {self.found_there[0]} acts there, too: its law may be another one, so its "
+            text += "size has no interval"
+        elif self.found_there:
+            text += f". {' and '.join(self.found_there)} act there, too: their laws may be other "
+            text += "ones, so their sizes have no intervals"
         return text
 
     def to_dict(self) -> dict[str, Any]:
