@@ -118,3 +118,13 @@ def test_what_is_valid_as_json(cli: Cli, tmp_path: Path) -> None:
     assert first["error"]["key"] == "parameters.leakage"
     clean = {"valid": True, "not_checked": [], "notes": []}
     assert second == {"file": "b.yaml", "kind": "model", **clean}
+
+
+@pytest.mark.parametrize("own", ["inputs: [voltage]", "channels: channels.yaml"])
+def test_a_dataset_without_runs_is_told_that_it_lacks_them(
+    cli: Cli, tmp_path: Path, own: str
+) -> None:
+    (tmp_path / "dataset.yaml").write_text(f"model: linear_drive\n{own}\n")
+    done = cli("validate", "dataset.yaml", check=2)
+    assert "'runs' is missing" in done.stderr
+    assert "'inputs'" not in done.stderr

@@ -74,6 +74,6 @@ def kind_by_keys(content: object) -> FileKind | None:
     if not isinstance(content, dict) or not content:
         return None
     for kind in kinds():
-        if kind.keys & set(content):
+        if kind.keys & set(content) or (kind.recognises and kind.recognises(content)):
             return kind
-    return next((kind for kind in kinds() if kind.recognises and kind.recognises(content)), None)
+    return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,4 +54,18 @@ def _schema() -> dict[str, Any]:
     return DatasetFile.model_json_schema()
 
 
-KIND = FileKind("dataset", frozenset({"runs"}), 4, _check, _schema, use="eha-bench diagnose FILE")
+def _recognises(content: Mapping[Any, Any]) -> bool:
+    """Whether a file without `runs` is a dataset: what it has is of another form in a model."""
+    own = isinstance(content.get("inputs"), list) or isinstance(content.get("channels"), str)
+    return "model" in content and "target" not in content and own
+
+
+KIND = FileKind(
+    "dataset",
+    frozenset({"runs"}),
+    4,
+    _check,
+    _schema,
+    recognises=_recognises,
+    use="eha-bench diagnose FILE",
+)
