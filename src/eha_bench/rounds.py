@@ -16,11 +16,14 @@ from eha_bench.core.interruption import signals_raised_after
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import ProgressHook
 from eha_bench.core.result import Status
+from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.experiment.files import dataset_path, run_folder
 from eha_bench.experiment.propose import ASKED, WITHIN
 from eha_bench.report.rounds_report import write_rounds_report
 from eha_bench.targets.resolve import open_target
+from eha_bench.targets.simulator import Simulator
+from eha_bench.targets.target import Target
 
 SUMMARY = "rounds.json"
 PAGE = "rounds.html"
@@ -123,10 +126,12 @@ def close(
         progress: called with the stage and the fraction of it done.
 
     Raises:
-        InputError: a file is wrong or missing, or the folder holds rounds of another dataset.
+        InputError: a file is wrong or missing, the folder holds rounds of another dataset, or the
+            target is another machine than the dataset's.
     """
     folder = writable(Path(out))
-    open_target(str(target))  # a wrong name is found before the first diagnosis, not after it
+    # before the first diagnosis, which takes minutes, not after it
+    _same_machine(load_dataset(dataset), open_target(str(target)), target)
     tell = progress or (lambda _stage, _fraction: None)
     _own(folder, dataset, target)
     current, done = Path(dataset), []
@@ -158,6 +163,28 @@ def close(
     found_all = Rounds(ending, tuple(done), folder)
     _write(found_all)
     return found_all
+
+
+def _same_machine(dataset: Dataset, opened: Target, target: str | Path) -> None:
+    """Refuse a target that is another machine than the one that a dataset is of.
+
+    Raises:
+        InputError: it simulates another plant, or has none of its channels.
+    """
+    own = dataset.model.plant
+    channels = {*own.outputs, *own.states, *own.derived_channels}
+    what = ""
+    if isinstance(opened, Simulator) and opened.model.plant.id != own.id:
+        what = f"simulates '{opened.model.plant.id}'"
+    elif opened.units is not None and not opened.units.keys() & channels:
+        what = f"records none of {', '.join(own.outputs)}"
+    if what:
+        raise InputError(
+            f"{what}, and the dataset is of another machine, '{own.id}'",
+            where=Place(file=str(target)),
+            hint="its experiments would tell nothing of the model; give --target the machine "
+            "that the recordings are of, or a simulator of that plant",
+        )
 
 
 def _own(folder: Path, dataset: str | Path, target: str | Path) -> None:

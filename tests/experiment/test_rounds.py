@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import eha_bench as eb
+from eha_bench.core.errors import InputError
 from eha_bench.rounds import Settled, close
 
 PLANT = """\
@@ -60,3 +62,40 @@ def test_rounds_end_with_the_one_right_name(tmp_path: Path, truth: str):
     assert last.diagnosis["equivalent"] == []
     assert found.bench_seconds < 10.0
     assert (tmp_path / "loop" / "rounds.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("target", "what"),
+    [
+        ("model: eha_knee\n", "simulates 'eha_knee'"),
+        ("target: simulator\nmodel: eha_knee.yaml\n", "simulates 'eha_knee'"),
+    ],
+)
+def test_another_machine_than_that_of_the_recordings_is_refused_at_once(
+    tmp_path: Path, target: str, what: str
+):
+    _dataset(tmp_path)
+    (tmp_path / "eha_knee.yaml").write_text("model: eha_knee\n")
+    (tmp_path / "other.yaml").write_text(target)
+    with pytest.raises(InputError, match=f"{what}.*of another machine, 'spindle'"):
+        close(tmp_path / "dataset.yaml", tmp_path / "other.yaml", tmp_path / "loop")
+    assert not (tmp_path / "loop").exists()
+
+
+def test_a_target_without_any_channel_of_the_plant_is_another_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    _dataset(tmp_path)
+    furnace = SimpleNamespace(units={"temperature": "K"})
+    monkeypatch.setattr("eha_bench.rounds.open_target", lambda _: furnace)
+    with pytest.raises(InputError, match="records none of motor_speed"):
+        close(tmp_path / "dataset.yaml", "furnace.yaml", tmp_path / "loop")
+
+
+def _dataset(folder: Path) -> None:
+    (folder / "plant.yaml").write_text(PLANT)
+    (folder / "log.csv").write_text("t,i\n0,0\n")
+    (folder / "channels.yaml").write_text("channels: {current_command: {column: i, unit: A}}\n")
+    (folder / "dataset.yaml").write_text(
+        "model: plant.yaml\nruns: [{log: log.csv, channels: channels.yaml, use: train}]\n"
+    )

@@ -127,7 +127,7 @@ class Simulator(Target):
         """Raise an InputError if there is no controller for the mode, or no such start."""
         command = self._command(trial)
         held = {*self._plant.inputs} - {command}
-        check_channels(trial, self._units, self._plant.id, command, held)
+        check_channels(trial, self.units, self._plant.id, command, held)
         self._controllers.make(trial.mode, self._context(trial))
         self._plant.check_session(
             locked=trial.setup.piston is Piston.LOCKED,
@@ -154,7 +154,7 @@ class Simulator(Target):
             self._controllers.make(trial.mode, self._context(trial)),
             self._sensors,
             self._constants(),
-            {name: unit for name, unit in self._units.items() if name not in CHANNELS},
+            {name: unit for name, unit in self.units.items() if name not in CHANNELS},
             self._command(trial),
         )
         return loop.run(session, stopping)
@@ -174,7 +174,7 @@ class Simulator(Target):
             command=command,
             command_unit=plant.units[command],
             channel=trial.channel,
-            unit=self._units.get(trial.channel, trial.mode.unit),
+            unit=self.units.get(trial.channel, trial.mode.unit),
         )
 
     def _command(self, trial: Trial) -> str:
@@ -183,7 +183,7 @@ class Simulator(Target):
         return asked if asked in self._plant.references else self._plant.command
 
     @property
-    def _units(self) -> dict[str, str]:
+    def units(self) -> dict[str, str]:
         """SI unit of everything that a trial may name."""
         plant = self._plant
         names = (plant.command, *plant.references, *plant.outputs, *plant.derived_channels)

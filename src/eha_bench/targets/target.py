@@ -78,6 +78,11 @@ class Target(ABC):
         """How far a channel can be driven, SI; without bounds where the target does not know."""
         return Bounds()
 
+    @property
+    def units(self) -> Mapping[str, str] | None:
+        """SI unit of every channel that it can record; None where it does not know."""
+        return None
+
     @abstractmethod
     def check(self, trial: Trial) -> None:
         """Raise an EhaBenchError if this target cannot run the trial, before anything moves."""

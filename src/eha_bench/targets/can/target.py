@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -83,13 +83,18 @@ class CanTarget(Target):
     def _dbc(self) -> bytes:
         return self._drive.dbc.read_bytes()
 
+    @property
+    def units(self) -> Mapping[str, str]:
+        """SI unit of what the drive reports, and of what is derived from that."""
+        drive = self._drive
+        return {**drive.units, **{name: unit_of(name) for name in _derived_channels(drive)}}
+
     # --- before anything moves ----------------------------------------------
 
     def check(self, trial: Trial) -> None:
         """Raise an InputError if the drive, the fixture or the controller cannot run the trial."""
         drive = self._drive
-        have = {**drive.units, **{name: unit_of(name) for name in _derived_channels(drive)}}
-        check_channels(trial, have, f"the drive {drive.file.name}", _command(drive))
+        check_channels(trial, self.units, f"the drive {drive.file.name}", _command(drive))
         plan = self._plan(trial)
         fixed = self._drive.file.setup
         if self._drive.file.fixture is None and fixed is not None:

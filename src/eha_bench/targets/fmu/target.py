@@ -83,7 +83,7 @@ class FmuTarget(Target):
         self._model: Model | None = model_from(model) if model else None
         self._linkage = _linkage(self._model)
         check_sensors(
-            file.sensors, self._channels, self._units, lambda name: self._place("sensors", name)
+            file.sensors, self._channels, self.units, lambda name: self._place("sensors", name)
         )
         controller = self._beside("controller", file.controller)
         self._controllers = load_controllers(controller or shipped_file("controllers/paper.yaml"))
@@ -185,7 +185,7 @@ class FmuTarget(Target):
         return (*self._outputs, *joint)
 
     @property
-    def _units(self) -> dict[str, str]:
+    def units(self) -> dict[str, str]:
         """SI unit of everything that a trial may name."""
         outputs = self._file.outputs
         found = {name: self._si_unit(name, entry) for name, entry in outputs.items()}
@@ -214,7 +214,7 @@ class FmuTarget(Target):
 
     def check(self, trial: Trial) -> None:
         """Raise an InputError if the FMU cannot be set up so, or the controller lacks a channel."""
-        check_channels(trial, self._units, "the FMU", self._commanded)
+        check_channels(trial, self.units, "the FMU", self._commanded)
         self._start_values(trial.setup, trial)
         period = 1.0 / trial.sample_rate
         fixed = self._description.fixed_step
@@ -249,7 +249,7 @@ class FmuTarget(Target):
             ) from error
 
     def _context(self, trial: Trial) -> Context:
-        units = self._units
+        units = self.units
         return Context(
             period=1.0 / trial.sample_rate,
             command_limit=self._command_limit,
@@ -291,7 +291,7 @@ class FmuTarget(Target):
         """Return the first values a trial asks for, or that its reference starts with."""
         found = dict(setup.initial)
         first = float(trial.reference(np.zeros(1))[0])
-        own = trial.channel in self._initial and self._units[trial.channel] in ("m", "rad")
+        own = trial.channel in self._initial and self.units[trial.channel] in ("m", "rad")
         if not found and setup.piston is Piston.FREE and (own or trial.channel in POSITIONS):
             found[trial.channel] = first
         angle = found.get("joint_angle")
@@ -321,7 +321,7 @@ class FmuTarget(Target):
             self._controllers.make(trial.mode, self._context(trial)),
             self._file.sensors,
             self._constants(),
-            {name: unit for name, unit in self._units.items() if name not in CHANNELS},
+            {name: unit for name, unit in self.units.items() if name not in CHANNELS},
             self._commanded,
         )  # fmt: skip
         try:
