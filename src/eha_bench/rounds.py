@@ -212,7 +212,7 @@ def _diagnose_once(dataset: Path, place: Path, tell: ProgressHook) -> Mapping[st
             return kept
     found = diagnose(dataset, place, tell)
     if not found.complete:
-        raise KeyboardInterrupt("the same command goes on from here")
+        raise KeyboardInterrupt
     content: Mapping[str, Any] = found.to_dict()
     return content
 

@@ -696,3 +696,25 @@ def test_a_log_that_is_not_there_names_how_to_make_one(cli: Cli, project: Path) 
     told = cli("validate", "dataset.yaml", check=2).stderr
     assert re.search(r"dataset\.yaml:\d+, key 'runs\.\d\.log': ", told)
     assert "`eha-bench run` makes recordings" in told
+
+
+@pytest.mark.parametrize(
+    ("command", "interrupted"),
+    [
+        (("run", "paper"), "eha_bench.api.run"),
+        (("next", "diagnosis", "--out", "next.yaml"), "eha_bench.api.next_experiment"),
+        (("diagnose", "dataset.yaml", "--out", "d"), "eha_bench.api.diagnose"),
+        (("calibrate", "dataset.yaml", "--out", "d"), "eha_bench.diagnosis.calibrate.calibrate"),
+        (("close", "dataset.yaml", "--target", "rig.yaml", "--out", "d"), "eha_bench.rounds.close"),
+    ],
+)
+def test_ctrl_c_before_anything_is_done_is_said(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], interrupted: str
+) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(interrupted, stop)
+    told = cli(*command, check=130).stderr
+    goes_on = "; the same command goes on from here" if command[0] == "close" else ""
+    assert told == f"eha-bench: interrupted{goes_on}\n"

@@ -72,8 +72,7 @@ def errors_as_sentences() -> Iterator[None]:
             say(f"... and {len(error.each) - _MOST} more: eha-bench validate lists all of a file")
         raise SystemExit(error.exit_status) from error
     except KeyboardInterrupt as error:
-        say("; ".join(("eha-bench: interrupted", *map(str, error.args))))
-        raise SystemExit(INTERRUPTED) from error
+        leave_interrupted(error)
     except BrokenPipeError as error:
         # the reader of our output went away: not our fault, and nothing left to say
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -93,6 +92,12 @@ def errors_as_sentences() -> Iterator[None]:
         raise SystemExit(2) from error
     except Exception as error:
         _leave_with_a_bug(error)
+
+
+def leave_interrupted(error: KeyboardInterrupt) -> NoReturn:
+    """Say that the work was interrupted, and how it goes on if the error knows, and leave."""
+    say("; ".join(("eha-bench: interrupted", *map(str, error.args))))
+    raise SystemExit(INTERRUPTED) from error
 
 
 def _leave_with_a_bug(error: Exception) -> NoReturn:

@@ -13,8 +13,10 @@ import typer
 from eha_bench.cli.console import TerminalProgress, say
 from eha_bench.core.errors import InputError
 from eha_bench.core.per_cent import per_cent
+from eha_bench.core.result import Status
 
 _HUNDRED = 100
+_GOES_ON = "the same command goes on from here"
 NONE, FAULT = 1, 3
 """Exit statuses: no experiment is proposed, or nothing settled; the target faulted."""
 
@@ -150,17 +152,20 @@ def close(
     from eha_bench.rounds import close as close_in_rounds
 
     with TerminalProgress() as bar:
-        found = close_in_rounds(
-            dataset,
-            target,
-            out,
-            rounds=rounds,
-            budget=positive("--budget", budget, "s"),
-            safety=safety or None,
-            probability=probability,
-            within=positive("--within", within, ""),
-            progress=stages(bar),
-        )
+        try:
+            found = close_in_rounds(
+                dataset,
+                target,
+                out,
+                rounds=rounds,
+                budget=positive("--budget", budget, "s"),
+                safety=safety or None,
+                probability=probability,
+                within=positive("--within", within, ""),
+                progress=stages(bar),
+            )
+        except KeyboardInterrupt as stop:
+            raise KeyboardInterrupt(_GOES_ON) from stop
     for item in found.to_dict()["rounds"]:
         causes = ", ".join(item["effects"]) or "no effect"
         plan = item["experiment"][:1].upper() + item["experiment"][1:]
@@ -171,6 +176,8 @@ def close(
         typer.echo(json_text.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
     else:
         typer.echo(str(out / PAGE))
+    if found.rounds[-1].status == Status.INCOMPLETE:
+        raise KeyboardInterrupt(_GOES_ON)
     status = {Settled.SETTLED: 0, Settled.STOPPED: FAULT}.get(found.ending, NONE)
     if status:
         raise typer.Exit(status)

@@ -12,6 +12,8 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
+from eha_bench.cli.console import leave_interrupted
+
 WORDS: Mapping[str, str] = {
     "--a": "TARGET",
     "--b": "TARGET",
@@ -140,6 +142,13 @@ class WordedCommand(TyperCommand):
             if wanted and error.message.startswith("Input should be"):
                 error.message = f"{_value_as_written(error.param, given)}{wanted} is expected"
             raise
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; Ctrl-C is a sentence, where typer leaves without a word."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            leave_interrupted(error)
 
     def _arguments(self) -> list[Any]:
         return [one for one in self.params if one.param_type_name == "argument"]
