@@ -60,11 +60,13 @@ def test_what_the_data_leave_open_stays_as_declared(declared) -> None:
         assert "keeps its declared value, 0 m/s" in note
     assert "creep_speed" not in found.parameters
     assert found.model.parameters == {**DECLARED, "creep_speed": declared}
+    assert found.notes[0].startswith("nothing is calibrated: the model has no parameter under")
 
 
 def test_what_was_not_touched_is_not_said() -> None:
     found = calibrate(dataset(0.0, ("mass",)))
     assert not told(found)
+    assert not any("nothing is calibrated" in note for note in found.notes)
     # nor written into the model
     assert set(found.model.parameters) == set(DECLARED)
     assert found.parameters.keys() == {"mass"}

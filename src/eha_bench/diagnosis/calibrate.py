@@ -63,6 +63,11 @@ from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
 from eha_bench.posterior.covered import Covered
 
+_NOTHING_ASKED = (
+    "nothing is calibrated: the model has no parameter under `calibrate`; list there which ones "
+    "may be estimated"
+)
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -233,13 +238,17 @@ def _estimates(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
     values = {key: item.without_interval if key in open_ else item for key, item in values.items()}
     late = lateness_estimates(places, values)
     notes += lateness_note(late)
+    parameters = {key: item for key, item in values.items() if key in places.layout.index}
+    per_run = own_estimates(places, values)
+    if not parameters and not per_run:
+        notes.insert(0, _NOTHING_ASKED)
     return Calibration(
         revised_model(model, vector, ended.keys),
-        {key: item for key, item in values.items() if key in places.layout.index},
+        parameters,
         undetermined_directions(end.fit),
         {},
         tuple(notes),
-        per_run=own_estimates(places, values),
+        per_run=per_run,
         lateness=late,
         convergence=ended.convergence,
         weakest=directions(end.fit)[:1],
