@@ -18,12 +18,13 @@ from typer.testing import CliRunner
 
 from eha_bench.cli.app import app
 from eha_bench.core.errors import BUG
+from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.beliefs import Belief
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
-from eha_bench.diagnosis.outcome.beyond_training import beyond_training
+from eha_bench.diagnosis.outcome.beyond_training import beyond_training, unchecked
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.honest import (
     _against,
@@ -90,6 +91,24 @@ def test_held_out_runs_that_show_more_than_training_speak_against_none(train, ho
         found(train={"p": train}, holdout={"p": holdout, "q": windows(9.0)}), DEFAULT
     )
     assert says in told if says else told == ""
+
+
+def test_an_effect_that_no_held_out_run_can_speak_against_is_said(tmp_path: Path):
+    path = write_drive(tmp_path)
+    assert unchecked(found(), load_dataset(path)) == ""
+    path.write_text(path.read_text().replace("holdout", "train"))
+    alone = load_dataset(path)
+    assert "no run is held out" in unchecked(found(), alone)
+    assert unchecked(replace(found(), verdict=Verdict.NONE), alone) == ""
+
+
+@pytest.mark.slow
+def test_a_diagnosis_without_held_out_runs_says_so(tmp_path: Path):
+    path = write_drive(tmp_path)
+    path.write_text(path.read_text().replace("  - {log: held.csv, use: holdout}\n", ""))
+    end = diagnose(path)
+    assert end.verdict is Verdict.EFFECT
+    assert sum("no run is held out" in note for note in end.notes) == 1
 
 
 def test_what_one_noisy_sample_makes_is_no_worsening():

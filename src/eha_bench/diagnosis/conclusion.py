@@ -14,7 +14,7 @@ from eha_bench.diagnosis.fit.baseline import COARSE, Baseline
 from eha_bench.diagnosis.fit.side_by_side import fits_by
 from eha_bench.diagnosis.fit.start_angles import starts_of
 from eha_bench.diagnosis.fit.thresholds import Thresholds
-from eha_bench.diagnosis.outcome.beyond_training import beyond_training
+from eha_bench.diagnosis.outcome.beyond_training import beyond_training, unchecked
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameters
@@ -101,6 +101,8 @@ class Conclusion:
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
                 found = self._unknown_in_held_out()
+        if found.complete and (why := unchecked(found, self.dataset)):
+            self.found = found = found.with_note(why)
         return self._with_rivals(found, asked, workers) if found.complete else found
 
     def _decide(self) -> None:

@@ -12,8 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isfinite, nan
 
+from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.fit.thresholds import Thresholds
-from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 
 
@@ -29,6 +30,16 @@ def beyond_training(found: Diagnosis, limits: Thresholds) -> str:
     return (
         f"held-out runs show what training runs do not: {over} '{name}' errs by {seen:.3g} times "
         f"its noise there, and by {trained:.3g} times in training"
+    )
+
+
+def unchecked(found: Diagnosis, dataset: Dataset) -> str:
+    """Say that effects were found which no held-out run can speak against, or nothing."""
+    if found.verdict is not Verdict.EFFECT or dataset.held_out:
+        return ""
+    return (
+        "no run is held out, so nothing checks what was found on motions that it was not fitted "
+        "to: give a run 'use: holdout'"
     )
 
 
