@@ -262,3 +262,19 @@ def test_what_is_not_there_is_refused(tmp_path: Path):
     folder = write_question(tmp_path, [rival(*LAG)])
     with pytest.raises(InputError, match="names the suite"):
         eb.next_experiment(folder, tmp_path / "next.txt")
+
+
+def test_a_limit_that_no_experiment_keeps_is_named(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(None, share=0.5)])
+    (tmp_path / "tight.yaml").write_text(
+        "name: tight\ndefaults: {mode: current, setup: {piston: locked}, "
+        "safety: {motor_speed: -0.01 rad/s .. 0.01 rad/s, pressure_a: <= 30 MPa}}\n"
+        "trials: [{id: one, duration: 1 s, signal: {kind: step, final: 1 A}}]\n"
+    )
+    found = eb.next_experiment(folder, budget=2.0, safety=tmp_path / "tight.yaml")
+    assert found.ending is ProposalEnding.NONE_PERMITTED
+    assert re.search(
+        r"the limits are those of tight.yaml\): \d+ break the limit of motor_speed, -0.01 to 0.01 "
+        r"rad/s, at any size; the mildest would go from \S+ to \S+ rad/s, with noise \S+ times",
+        found.sentence,
+    )

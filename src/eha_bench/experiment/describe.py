@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
+from math import isfinite
 
 import numpy as np
 
@@ -14,11 +15,13 @@ from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.decision import DrawRows, distances
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.proposal import NEAR, Band, PlannedTrial, Proposal
-from eha_bench.experiment.response import Bench, Responses
+from eha_bench.experiment.response import Bench, LimitMargin, Responses
 
 _POINTS = 800
 _OUTSIDE = 0.05
 _SHORT_S = 0.1
+_NO_ROOM = 1e6
+"""Share of the room used from which on there is none: a channel begins at its limit, or beyond."""
 
 
 def words_of(candidate: Experiment, plan: ExperimentSettings) -> str:
@@ -86,6 +89,30 @@ def sentence_of(proposal: Proposal) -> str:
         f"{what}. {seconds} reduce the interval of {worst.parameter} from "
         f"± {100.0 * worst.before:.2g} % to ± {100.0 * worst.after:.2g} % of its value{rest}"
         f"{short}.{close}"
+    )
+
+
+def broken_limit(room: LimitMargin, count: int, unit: str) -> str:
+    """Say which limit is in the way, and how far the mildest experiment goes beyond it.
+
+    Args:
+        room: of the mildest. count: of experiments that break it at any size.
+        unit: SI, of its channel.
+    """
+    scale, unit = (1e-6, "MPa") if unit == "Pa" else (1.0, unit)
+    limit = room.limit
+    ends = [f"{scale * end:.4g}" for end in (limit.low, limit.high) if isfinite(end)]
+    kept = " to ".join(ends)
+    if len(ends) == 1:
+        kept = f"at {'most' if isfinite(limit.high) else 'least'} {kept}"
+    kept = f", {kept} {unit}".rstrip() if ends else ""
+    if isfinite(limit.rate):
+        kept += f", at most {scale * limit.rate:.4g} {unit} a second".replace("  ", " ")
+    reached = f"{scale * room.low:.3g} to {scale * room.high:.3g} {unit}".rstrip()
+    times = f", with noise {room.used:.3g} times the room there is" if room.used < _NO_ROOM else ""
+    return (
+        f"{count} {'breaks' if count == 1 else 'break'} the limit of {room.channel}{kept}, at any "
+        f"size; the mildest would go from {reached}{times}"
     )
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.core.channels import CHANNELS
+from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
@@ -32,7 +32,7 @@ from eha_bench.experiment.decision import (
     posterior_after,
     shares_of_a_decision,
 )
-from eha_bench.experiment.describe import planned_trial, sentence_of
+from eha_bench.experiment.describe import broken_limit, planned_trial, sentence_of
 from eha_bench.experiment.hypothesis import Question, read_question, rivals_to_separate
 from eha_bench.experiment.narrowing import counted_parameters, narrowest, worst_width
 from eha_bench.experiment.permitted import (
@@ -152,11 +152,22 @@ class _Planner:
         if not screened:
             return self._none_permitted(
                 f"none of {self.simulator.tried} experiments keeps every limit with margin "
-                f"({self.permitted.words})",
+                f"({self.permitted.words}){self._what_is_broken()}",
             )
         if len(self.causes) > 1:
             return self._separating(screened)
         return self._narrowing(screened)
+
+    def _what_is_broken(self) -> str:
+        """Say which limit stands in the way of most experiments, and by how much."""
+        tightest = self.simulator.tightest_limit()
+        if tightest is None:
+            return ""
+        room, count = tightest
+        unit = self.plant.units.get(room.channel)
+        if unit is None and room.channel in CHANNELS:
+            unit = unit_of(room.channel)
+        return f": {broken_limit(room, count, unit or '')}"
 
     def _shares_reached(self, grams: FloatArray) -> FloatArray:
         """Return what is reached by the end of each block, as a share of what is needed."""
@@ -282,8 +293,8 @@ class _Planner:
         return self.probability if len(self.causes) > 1 else self.within
 
     def _notes(self) -> list[str]:
-        tried, refused = self.simulator.tried, self.simulator.refused or "none"
-        verb = "breaks" if self.simulator.refused <= 1 else "break"
+        tried, refused = self.simulator.tried, len(self.simulator.refused) or "none"
+        verb = "breaks" if len(self.simulator.refused) <= 1 else "break"
         notes = [f"{tried} experiments were simulated; {refused} {verb} a limit at any size"]
         left = dict.fromkeys(
             item.cause for item in self.question.rivals if item.cause not in self.causes

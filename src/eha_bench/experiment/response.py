@@ -30,6 +30,8 @@ _TAIL = 3.1
 """Standard deviations that one of a thousand draws goes beyond."""
 _SIZES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
 """Shares of an experiment's size that are tried, the largest first."""
+SMALLEST = _SIZES[-1]
+"""... and the last."""
 _SHARE = 0.03
 """Further margin, as a share of the distance between a channel's start and its limit."""
 

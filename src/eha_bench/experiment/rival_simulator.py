@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -15,7 +15,14 @@ from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.decision import BLOCK, DrawRows, inner_products, layout_of
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Permitted
-from eha_bench.experiment.response import Bench, Responses, largest, respond
+from eha_bench.experiment.response import (
+    SMALLEST,
+    Bench,
+    LimitMargin,
+    Responses,
+    largest,
+    respond,
+)
 
 TOGETHER = 3
 """Most trials of a proposal."""
@@ -68,7 +75,7 @@ class RivalSimulator:
         plan: what all trials have in common. seed: of all draws.
         progress: called with the stage and the fraction of it done.
         layout: the fitted values and the axes of each posterior, without draws.
-        tried, refused: how many experiments were simulated, and found to break a limit.
+        tried: how many experiments were simulated. refused: those that break a limit.
     """
 
     rivals: tuple[Hypothesis, ...]
@@ -78,7 +85,7 @@ class RivalSimulator:
     seed: int
     progress: ProgressHook
     tried: int = 0
-    refused: int = 0
+    refused: list[Experiment] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Lay out what is simulated of each rival where nothing is drawn."""
@@ -120,9 +127,25 @@ class RivalSimulator:
         item = largest(self.rivals, nominal, experiment, self.plan, self.bench, limits)
         found = None if item is None else self._safe(item, self.layout, 0.7, 3)
         if found is None:
-            self.refused += 1
+            self.refused.append(experiment)
             return None
         return self.simulated(*found, self.layout, 0)
+
+    def tightest_limit(self) -> tuple[LimitMargin, int] | None:
+        """Return the limit that most refused experiments break even at their smallest size.
+
+        By the mildest of them, and with how many do; None where none does.
+        """
+        broken: dict[str, list[LimitMargin]] = {}
+        for experiment in self.refused:
+            small = experiment.at_size(SMALLEST * experiment.size)
+            for room in self.respond(small, self.layout).rooms:
+                if room.used > 1.0:
+                    broken.setdefault(room.channel, []).append(room)
+        if not broken:
+            return None
+        most = max(broken.values(), key=len)
+        return min(most, key=lambda room: room.used), len(most)
 
     def with_draws(
         self, experiment: Experiment, layout: DrawRows, number: int
