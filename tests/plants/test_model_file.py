@@ -194,3 +194,55 @@ def test_wrong_entries_of_what_is_estimated(tmp_path, line, says) -> None:
         says = "leaves no room"
     with pytest.raises(InputError, match=says):
         _load(tmp_path, text)
+
+
+AXIS = """\
+plant: axis
+nodes:
+  rod:   {{kind: translation{mass}}}
+  wheel: {{kind: rotation{inertia}}}
+elements:
+  rack:  {{kind: gear, from: wheel, to: rod, ratio: 20 rad/m}}
+  motor: {{kind: motor, on: wheel, torque_constant: 0.1 N*m/A, current_limit: 9 A}}{more}
+inputs:   {{current_command: motor.current}}
+channels: {{piston_position: rod.position}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("mass", "inertia", "more"),
+    [
+        (", mass: 0 kg", ", inertia: 0 kg*m^2", ""),
+        (", mass: 0 kg", "", ""),
+        (", mass: 0 kg", "", "\n  bob: {kind: pendulum, on: wheel, mass: 0 kg, length: 1 m}"),
+    ],
+)
+def test_a_coordinate_that_weighs_nothing_is_refused(tmp_path, mass, inertia, more):
+    path = tmp_path / "axis.yaml"
+    path.write_text(AXIS.format(mass=mass, inertia=inertia, more=more))
+    with pytest.raises(InputError, match=r"inertia of 'rod' is 0 .*give it more than 0") as raised:
+        load_model(path)
+    assert (raised.value.where.line, raised.value.where.key) == (3, "nodes.rod.mass")
+
+
+@pytest.mark.parametrize(
+    ("mass", "inertia", "more"),
+    [
+        ("", "", ""),  # a channel shows how it moves
+        (", mass: 0 kg", ", inertia: 1 g*cm^2", ""),
+        (", mass: 1 g", ", inertia: 0 kg*m^2", ""),
+        (", mass: 0 kg", "", "\n  bob: {kind: pendulum, on: wheel, mass: 1 g, length: 1 m}"),
+    ],
+)
+def test_what_moves_with_it_may_weigh_for_a_coordinate(tmp_path, mass, inertia, more):
+    path = tmp_path / "axis.yaml"
+    path.write_text(AXIS.format(mass=mass, inertia=inertia, more=more))
+    load_model(path)
+
+
+def test_a_parameter_that_makes_a_shaft_weigh_nothing_is_refused_at_its_line(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text("model: eha_knee\nparameters:\n  rotor_inertia: 0 kg*m^2\n")
+    with pytest.raises(InputError, match=r"inertia of 'shaft' is 0 \(rotor_inertia") as raised:
+        load_model(path)
+    assert (raised.value.where.line, raised.value.where.key) == (3, "parameters.rotor_inertia")

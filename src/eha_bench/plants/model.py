@@ -241,7 +241,38 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
                 hint="one value for all runs (calibrate), or one for each (per_run)",
             )
     per_run = tuple(dict.fromkeys(layout.key(key) for key in file.per_run)) or base.per_run
+    _refuse_weightless(model, file, place)
     return replace(model, calibrate=tuple(calibrate), within=within, per_run=per_run)
+
+
+def _refuse_weightless(model: Model, file: ModelFile, place: Callable[..., Place]) -> None:
+    """Refuse inertias that are declared as nothing: what they move would accelerate without end.
+
+    Raises:
+        InputError: one is, with the line that says so.
+    """
+    found = model.plant.weightless(model.vector())
+    if found is None:
+        return
+    node, keys = found
+    given = [key for key in file.parameters if model.plant.layout.key(key) in keys]
+    own = [
+        (group, name, value)
+        for name, _, value in (key.rpartition(".") for key in keys)
+        for group, items in (("nodes", file.nodes), ("elements", file.elements))
+        if isinstance(entry := (items or {}).get(name), dict) and value in entry
+    ]
+    if given:
+        where = place("parameters", given[0])
+    elif own:
+        where = place(*own[0])
+    else:
+        where = place("nodes", node) if file.plant else place("model")
+    raise InputError(
+        f"the whole inertia of '{node}' is 0 ({', '.join(keys)}): it would accelerate without end",
+        where=where,
+        hint="give it more than 0; where a channel shows its motion the key may be left out",
+    )
 
 
 def _base(file: ModelFile, content: Any, name: str, place: Callable[..., Place]) -> Model:

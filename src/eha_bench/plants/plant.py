@@ -343,6 +343,10 @@ class Plant:
 
     # --- a session ------------------------------------------------------------------
 
+    def weightless(self, vector: FloatArray) -> tuple[str, tuple[str, ...]] | None:
+        """Return what parameters make weigh nothing, and which of them do, or None."""
+        return None
+
     def check_session(self, *, locked: bool = False, bypass_open: bool = False) -> None:
         """Refuse a session that cannot be, before anything is compiled.
 

@@ -220,6 +220,31 @@ class NetworkPlant(Plant):
         """
         refuse_uncompiled(self._kernel_source(self.system, self.layout)[1])
 
+    def weightless(self, vector: FloatArray) -> tuple[str, tuple[str, ...]] | None:
+        """Return a node that declared inertias make weigh nothing, and their parameters, or None.
+
+        Its acceleration would be infinite. A node without any inertia, whose motion is measured,
+        is none; nor is one that moves with another which has some.
+        """
+        index, hooked = self.layout.index, self._inertias_by_effects(vector)
+        for item in self.system.coordinates:
+            found = self.system.declared_inertia(item, lambda key: float(vector[index[key]]))
+            if found.keys and found.inertia == 0.0 and item.name not in hooked:
+                return found.node, found.keys
+        return None
+
+    def _inertias_by_effects(self, vector: FloatArray) -> set[str]:
+        """Return the nodes to whose inertia an effect adds that is not off."""
+        return {
+            hook.at.partition(":")[2]
+            for effect in self.layout.effects
+            if vector[self.layout.index[f"{effect.id}.{effect.strength.name}"]] != effect.neutral
+            for spot in effect.spots
+            for name in effect.action.hooks
+            for hook in spot.hooks[name]
+            if hook.at.startswith("inertia:")
+        }
+
     def _compile(self, system: System, layout: Layout) -> ModuleType:
         return compiled_kernel(self.id, *self._kernel_source(system, layout))
 

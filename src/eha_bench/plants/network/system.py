@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -147,6 +147,15 @@ class Output:
     signal: int
     expression: str
     command: int = -1
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """What a coordinate weighs, SI, by its node's name, and the parameters that make it up."""
+
+    node: str
+    inertia: float
+    keys: tuple[str, ...]
 
 
 class System:
@@ -878,6 +887,28 @@ class System:
     def inertias(self, item: Coordinate) -> list[str]:
         """Return the expressions whose sum is a coordinate's inertia."""
         return [*self.inertias_of_nodes(item), *self.inertias_of_elements(item)]
+
+    def declared_inertia(self, item: Coordinate, value: Callable[[str], float]) -> Weighed:
+        """Return the sum of all inertias on a coordinate, and which parameters make it.
+
+        That of an element whose law takes more than its own parameters counts as infinite.
+
+        Args:
+            item: the coordinate. value: parameter -> its value.
+        """
+        keys = [
+            self.slot_of[f"{name}.{key}"]
+            for name in self.nodes_on(item)
+            for key in ("inertia", "mass")
+            if f"{name}.{key}" in self.slot_of
+        ]
+        total = sum(value(key) for key in keys)
+        for part, term, _ in self.terms(item, Inertia):
+            names = [f"{part.name}.{name}" for name in inspect.signature(term.law).parameters]
+            own = [self.slot_of[name] for name in names if name in self.slot_of]
+            keys += own
+            total += term.law(*map(value, own)) if len(own) == len(names) else math.inf
+        return Weighed(item.name, total, tuple(keys))
 
     def inertias_of_nodes(self, item: Coordinate) -> list[str]:
         """Return what a coordinate's own nodes weigh."""
