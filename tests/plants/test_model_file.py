@@ -121,7 +121,14 @@ def test_written_model_is_read_back_as_it_was(tmp_path) -> None:
     assert again == model
     np.testing.assert_array_equal(again.vector(), model.vector())
     assert again.sha256 == model.sha256
-    assert path.read_text(encoding="utf-8").startswith("# what was found\n# and why\n")
+    text = path.read_text(encoding="utf-8")
+    assert text.startswith("# what was found\n# and why\n")
+    # a line each, so that a diff shows what has changed
+    assert f"\n  leakage: {1.2345678901234567e-13!r} # m^3/(s*Pa)\n" in text
+    assert "\n  - effect: anti_cavitation\n    charge_pressure: 600000.0 # Pa\n" in text
+    assert not any(line.endswith(" ") for line in text.splitlines())
+    # as results of earlier versions have it
+    assert model.sha256 == "a801f848f9e68386f8cf65d2592426e8de01d991cf269bc6379d7eebeeab8d27"
 
 
 @given(values=st.dictionaries(

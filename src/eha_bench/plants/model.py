@@ -27,6 +27,9 @@ from eha_bench.plants.registry import get_plant
 if TYPE_CHECKING:
     from eha_bench.plants.model_file import ModelFile
 
+_ONE_LINE = 10_000
+"""Width of a text in which an element of a plant, or a curve, takes one line however long."""
+
 Value = float | str | list[float]
 
 
@@ -112,9 +115,43 @@ class Model:
         return replace(self, effects=effects)
 
     def to_yaml(self, comment: str = "") -> str:
-        """Return the model as model.yaml text."""
-        from ruamel.yaml import YAML
+        """Return the model as model.yaml text, a parameter a line, so that it can be diffed.
 
+        Numbers are SI with all their digits: they are read again bit for bit. Units are comments.
+        """
+        from ruamel.yaml import YAML
+        from ruamel.yaml.comments import CommentedMap
+
+        data, layout = self._content(), self.plant.layout
+        units = {name: layout.by_key[layout.key(name)].unit for name in self.parameters}
+        blocks = [(data["parameters"], units)]
+        for item, declared in zip(data.get("effects", []), self.effects, strict=True):
+            effect = layout.effect(declared.id)
+            numbers = [name for name, value in item.items() if isinstance(value, float)]
+            own = {name: effect.parameter_at(name, declared.values).unit for name in numbers}
+            blocks.append((item, own))
+        written = []
+        for block, own in blocks:
+            lines = CommentedMap(block)
+            lines.fa.set_block_style()
+            for name, unit in own.items():
+                if unit:
+                    lines.yaml_add_eol_comment(unit, name, column=0)
+            written.append(lines)
+        data["parameters"] = written[0]
+        if self.effects:
+            data["effects"] = written[1:]
+        writer = YAML()
+        writer.default_flow_style = None
+        writer.indent(mapping=2, sequence=4, offset=2)
+        writer.width = _ONE_LINE
+        stream = StringIO()
+        writer.dump(data, stream)
+        head = "".join(f"# {line}\n" for line in comment.splitlines())
+        return head + stream.getvalue()
+
+    def _content(self) -> dict[str, Any]:
+        """Return what model.yaml holds, as plain numbers, words, lists and mappings."""
         parameters = {name: float(value) for name, value in self.parameters.items()}
         plant = {"model": self.plant_id} if self.network is None else dict(self.network)
         data: dict[str, Any] = {**plant, "parameters": parameters}
@@ -130,13 +167,7 @@ class Model:
                 {"effect": item.id, **{key: _plain(value) for key, value in item.values.items()}}
                 for item in self.effects
             ]
-        stream = StringIO()
-        writer = YAML()
-        writer.default_flow_style = None
-        writer.width = 100
-        writer.dump(data, stream)
-        head = "".join(f"# {line}\n" for line in comment.splitlines())
-        return head + stream.getvalue()
+        return data
 
     def write(self, path: Path, comment: str = "") -> None:
         """Write model.yaml, whole or not at all."""
@@ -144,8 +175,19 @@ class Model:
 
     @property
     def sha256(self) -> str:
-        """Digest of what the model says, independent of comments and order of files."""
-        return hashlib.sha256(self.to_yaml().encode()).hexdigest()
+        """Digest of what the model says, independent of comments and order of files.
+
+        Of the text that it has always been of, whatever `to_yaml` looks like: digests of results
+        that are years apart are compared.
+        """
+        from ruamel.yaml import YAML
+
+        writer = YAML()
+        writer.default_flow_style = None
+        writer.width = 100
+        stream = StringIO()
+        writer.dump(self._content(), stream)
+        return hashlib.sha256(stream.getvalue().encode()).hexdigest()
 
 
 def load_model(source: str | Path | Mapping[str, Any]) -> Model:
