@@ -128,3 +128,10 @@ def test_a_dataset_without_runs_is_told_that_it_lacks_them(
     done = cli("validate", "dataset.yaml", check=2)
     assert "'runs' is missing" in done.stderr
     assert "'inputs'" not in done.stderr
+
+
+@pytest.mark.parametrize("command", [("validate",), ("run",)])
+def test_a_result_is_called_one(cli: Cli, ran: Path, command: tuple[str, ...]) -> None:
+    told = cli(*command, ran / "result.json", check=2).stderr
+    assert "result.json:1: this is a result" in told
+    assert "unknown key" not in told

@@ -264,9 +264,10 @@ def kind_of(path: Path) -> FileKind:
     """Return the kind of a YAML file by its top-level keys.
 
     Raises:
-        InputError: not YAML, or of no known kind.
+        InputError: not YAML, of no known kind, or the result of a command.
     """
     content = peek(path)
+    _refuse_results(content, str(path))
     found = kind_by_keys(content)
     if found is not None:
         return found
@@ -438,8 +439,20 @@ def _results_of_misspelling(
     return [keys for keys, detail in wrong if detail["type"] == "missing" and keys in meant]
 
 
+def _refuse_results(content: Any, name: str) -> None:
+    """Raise an InputError where the content is what a command has written for programs."""
+    if isinstance(content, dict) and "schema_version" in content:
+        raise InputError(
+            "this is a result, as a command has written it",
+            where=Place(file=name, line=1),
+            hint="give a suite, a model or another YAML file; a result.json goes to 'eha-bench "
+            "compare' and 'history', a diagnosis.json to 'next'",
+        )
+
+
 def _refuse_other_kind(content: Any, kind: str, name: str) -> None:
     """Raise an InputError where the content is a file of another kind than the one expected."""
+    _refuse_results(content, name)
     found, wanted = kind_by_keys(content), kind_named(kind)
     if found is not None and found.name != kind:
         raise InputError(
