@@ -360,3 +360,13 @@ def test_a_misspelt_topic_is_guessed(float_log: Any) -> None:
     path = float_log({"/drive/speed": [(0, 1.0)], "/drive/current": [(0, 1.0)]})
     with pytest.raises(RecordingError, match=r"did you mean '/drive/speed'\?.*its topics are"):
         recordings.read(path, channels=one("/drive/sped", "data"))
+
+
+def test_a_yaml_file_of_ours_is_no_table(tmp_path: Path) -> None:
+    path = tmp_path / "channels.yaml"
+    path.write_text("time: {column: t, unit: s}\nchannels:\n  voltage: {column: u, unit: V}\n")
+    with pytest.raises(RecordingError, match=r"yaml:1: this is a channel map, not a recording; a"):
+        info(path)
+    # names lie: a table is one by any name
+    path.write_text("t,n\n0,1\n0.1,2\n0.2,3\n")
+    assert info(path).format == "csv"

@@ -7,11 +7,13 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from eha_bench.core.errors import Place, RecordingError
+from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.recordings.mcap.file import MAGIC
 from eha_bench.recordings.source import Source
 
 _READ = "MCAP, ROS 1 bag, rosbag2, CSV, Parquet, MAT, HDF5, MDF, TDMS, ULog, JSON and JSON lines"
+_LARGEST_YAML = 1_000_000
+"""Bytes up to which a file is looked at as YAML."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\d\"tfn-])")
 """How JSON begins; a preamble of CSV such as `[Header]` does not."""
@@ -27,6 +29,7 @@ def open_file(path: Path, head: bytes) -> Source:
         if fits(path, head):
             return _open_as(place, path)
     raise_for_relatives(path, head)
+    _refuse_our_files(path)
     if _JSON.match(head):
         return _open_as("tables.json_source:JsonSource", path)
     if b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -36,6 +39,26 @@ def open_file(path: Path, head: bytes) -> Source:
         where=Place(file=str(path)),
         hint=f"it reads {_READ}",
     )
+
+
+def _refuse_our_files(path: Path) -> None:
+    """Refuse a YAML file of a kind that we know, of which CSV would make columns."""
+    if path.suffix not in (".yaml", ".yml") or path.stat().st_size > _LARGEST_YAML:
+        return
+    # what reads YAML takes a tenth of a second to import
+    from eha_bench.core import yaml_file
+    from eha_bench.core.file_kind import kind_by_keys
+
+    try:
+        kind = kind_by_keys(yaml_file.load(path))
+    except InputError:
+        return
+    if kind is not None:
+        raise RecordingError(
+            f"this is a {kind.title}, not a recording",
+            where=Place(file=str(path), line=1),
+            hint=f"a {kind.title} goes to: {kind.use}" if kind.use else f"it reads {_READ}",
+        )
 
 
 def _open_as(place: str, path: Path) -> Source:
