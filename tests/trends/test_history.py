@@ -9,6 +9,8 @@ from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ import pytest
 import eha_bench as eb
 from eha_bench.core.errors import InputError
 from eha_bench.report.trend_site import event_sentence, headline
+from eha_bench.trends.history import History
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "comparison"))
 from results import folder, result
@@ -270,8 +273,22 @@ def test_of_enough_runs_it_is_said_which_cannot_be_judged(tmp_path: Path) -> Non
     assert json.loads(found.to_json())["status"] == "drifted"
     assert headline(found) == (
         "11 runs, 2 metrics: 1 drifted (1 for the worse); "
-        "too few runs to judge 1 of them (8 are needed)."
+        "too few runs to judge 1 of them (8 of the same suite and target are needed)."
     )
+
+
+def test_what_drifted_adds_up() -> None:
+    def drifted(*worse: bool | None) -> str:
+        trends = [SimpleNamespace(worse=item) for item in worse]
+        history = SimpleNamespace(
+            drifted=trends, trends=trends, nights=[None] * 9, of=lambda _: [], causes=None
+        )
+        return headline(cast(History, history))
+
+    assert drifted(True, False, None) == (
+        "9 runs, 3 metrics: 3 drifted (1 for the worse, 1 for the better, 1 with no better side)."
+    )
+    assert drifted(None, None) == "9 runs, 2 metrics: 2 drifted."
 
 
 def test_a_newest_run_without_values_is_not_steady(tmp_path: Path) -> None:

@@ -180,7 +180,9 @@ def headline(history: History) -> str:
     too_few, missed = len(history.of(TrendState.TOO_FEW)), len(history.of(TrendState.NOT_SCORED))
     hidden = len(history.of(TrendState.CUT_OFF))
     found = _drift(drifted) if total > too_few + missed + hidden else ""
-    needed = f"({FEWEST} are needed)"
+    # a metric is followed over the runs of its own suite on its own target
+    own = " of the same suite and target" if nights >= FEWEST else ""
+    needed = f"({FEWEST}{own} are needed)"
     alone = len(history.of(TrendState.ONE_NIGHT_OUT))
     suspected = len(history.of(TrendState.SUSPECTED))
     parts = [
@@ -205,9 +207,11 @@ def _drift(drifted: tuple[Trend, ...]) -> str:
         return "none drifted in the newest run"
     worse = sum(trend.worse is True for trend in drifted)
     better = sum(trend.worse is False for trend in drifted)
+    neither = len(drifted) - worse - better
     parts = [
         f"{worse} for the worse" if worse else "",
         f"{better} for the better" if better else "",
+        f"{neither} with no better side" if neither < len(drifted) and neither else "",
     ]
     listed = ", ".join(part for part in parts if part)
     return f"{len(drifted)} drifted{f' ({listed})' if listed else ''}"
