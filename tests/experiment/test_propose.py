@@ -57,6 +57,16 @@ def test_two_causes_are_told_apart_by_a_suite_that_loads(proposed: Path):
     )
 
 
+def test_the_separation_begins_with_the_command(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(*DELAY), rival(*LAG)])
+    (trial, *_) = eb.next_experiment(folder, budget=1.0).trials
+    moves = int(np.flatnonzero(trial.reference)[0])
+    # nothing tells them apart before, nor is it drawn as if something did
+    assert moves > 0
+    assert trial.parts[:moves].max() < 1e-6 * trial.parts[-1]
+    assert (np.diff(trial.parts) >= -1e-6 * trial.parts[-1]).all()
+
+
 @pytest.mark.parametrize("truth", [DELAY, LAG])
 def test_the_suite_keeps_every_limit_when_either_cause_is_the_true_one(proposed: Path, truth):
     suite = load_suite(proposed / "next.yaml")

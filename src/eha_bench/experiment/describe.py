@@ -12,7 +12,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
-from eha_bench.experiment.decision import DrawRows, distances
+from eha_bench.experiment.decision import DrawRows, distances, inner_products, layout_of
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.proposal import NEAR, Band, PlannedTrial, Proposal
 from eha_bench.experiment.response import Bench, LimitMargin, Responses
@@ -131,14 +131,12 @@ def planned_trial(
     layout: DrawRows,
     responses: Responses,
     bench: Bench,
-    ticks: Sequence[int],
-    grams: FloatArray,
 ) -> PlannedTrial:
     """Return a trial with what each rival predicts of it.
 
     Args:
         name: its id. candidate, plan: what it is. rivals, layout: what was simulated.
-        responses: the simulation. bench: sensors. ticks, grams: inner products up to each tick.
+        responses: the simulation. bench: sensors.
     """
     plant = rivals[0].model.plant
     clock = responses.trial.clock()
@@ -151,13 +149,7 @@ def planned_trial(
             low, high = np.quantile(curves, [_OUTSIDE, 1.0 - _OUTSIDE], axis=0)
             own[channel] = Band(curves[0], low, high)
         bands[rival.id] = own
-    if layout.pairs:
-        reached = np.array([float(distances(layout, gram).min()) for gram in grams])
-    else:
-        reached = np.zeros(len(ticks))
     time = clock[::every] - clock[0]
-    ends = [0.0, *(clock[min(t, clock.size) - 1] - clock[0] for t in ticks)]
-    parts = np.interp(time, ends, [0.0, *reached])
     piston, bypass = candidate.setup
     return PlannedTrial(
         name,
@@ -166,9 +158,34 @@ def planned_trial(
         time,
         responses.trial.reference(clock)[::every],
         bands,
-        parts,
+        separation(rivals, layout, responses, bench, range(1, clock.size + 1, every)),
         responses.rooms,
         (piston.value, bypass.value),
         dict(plant.units),
         plan.unit or plant.units.get(plant.command, ""),
     )
+
+
+def separation(
+    rivals: Sequence[Hypothesis],
+    layout: DrawRows,
+    responses: Responses,
+    bench: Bench,
+    ticks: Sequence[int],
+) -> FloatArray:
+    """Return the squared distance of the nearest two rivals up to each tick, 0 for one rival.
+
+    Args:
+        rivals, layout, responses, bench: as of `planned_trial`. ticks: increasing.
+    """
+    if not layout.pairs:
+        return np.zeros(len(ticks))
+    # the fitted values and the slopes tell it; with all draws the products would take gigabytes
+    fitted = layout_of(rivals, 0)
+    simulated = [
+        np.concatenate([outputs[:1], outputs[len(z) :]])
+        for outputs, z in zip(responses.outputs, layout.draws, strict=True)
+    ]
+    outputs = rivals[0].model.plant.outputs
+    grams = inner_products(fitted, simulated, outputs, bench, ticks, [0])
+    return np.array([float(distances(fitted, gram).min()) for gram in grams])

@@ -261,7 +261,7 @@ class _Planner:
             trials.append(
                 planned_trial(
                     f"part_{len(done)}", experiment, self.plan, self.rivals, layout, responses,
-                    simulator.bench, done[-1].ticks, done[-1].grams,
+                    simulator.bench,
                 )
             )  # fmt: skip
         if not done:
