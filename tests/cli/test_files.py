@@ -135,3 +135,17 @@ def test_a_result_is_called_one(cli: Cli, ran: Path, command: tuple[str, ...]) -
     told = cli(*command, ran / "result.json", check=2).stderr
     assert "result.json:1: this is a result" in told
     assert "unknown key" not in told
+
+
+def test_a_shipped_name_that_is_misspelt_is_suggested(cli: Cli, suite: Path) -> None:
+    text = suite.read_text()
+    suite.write_text(f"controller: physicl\n{text}")
+    told = cli("validate", suite, check=2).stderr
+    assert "tiny.yaml:1, key 'controller': there is no file 'physicl'" in told
+    assert "did you mean 'physical'?" in told
+    suite.write_text(f"controller: mine\n{text}")
+    told = cli("validate", suite, check=2).stderr
+    assert "or one that is shipped: " in told
+    assert ", paper, physical" in told
+    suite.write_text(f"controller: sub/physicl.yaml\n{text}")
+    assert "one that is shipped" not in cli("validate", suite, check=2).stderr

@@ -18,7 +18,8 @@ from eha_bench.core import fast_yaml
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.file_kind import FileKind, kind_by_keys, kind_named, kinds
 from eha_bench.core.near_miss import likely, suggest
-from eha_bench.core.shipped import by_name, find
+from eha_bench.core.shipped import KINDS, by_name, find
+from eha_bench.core.shipped import names as shipped_names
 
 
 class StrictModel(BaseModel):
@@ -303,9 +304,18 @@ def named_file(folder: Path, name: str, where: Place) -> Path:
         raise InputError(
             f"there is no file '{name}'",
             where=where,
-            hint="name it relative to the file that the key stands in",
+            hint=_way_to_file(f"{where.key.rpartition('.')[2]}s", name),
         )
     return path
+
+
+def _way_to_file(shipped: str, name: str) -> str:
+    """Return how a file is named that is not there; a bare name may be meant for a shipped one."""
+    way = "name it relative to the file that the key stands in"
+    if shipped not in KINDS or not name.isidentifier():
+        return way
+    known = shipped_names(shipped)
+    return likely(name, known) or f"{way}, or one that is shipped: {', '.join(known)}"
 
 
 def file_beside(path: Path, content: Mapping[str, Any], *keys: str) -> Path:
