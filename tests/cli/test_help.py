@@ -71,3 +71,8 @@ def test_ranges_are_words() -> None:
     assert "1 or more]" in " ".join(help_of("run").split())
     assert "Usage: eha-bench score [OPTIONS] LOG..." in help_of("score")
     assert "Usage: eha-bench init [OPTIONS] [DIR]" in help_of("init")
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if "--workers" in help_of(name)])
+def test_help_says_what_no_workers_mean(name: str) -> None:
+    assert "(0: one a processor)" in " ".join(help_of(name).split())

@@ -113,8 +113,8 @@ def diagnose(
         str,
         typer.Option(
             "--workers",
-            help="Number of processes that fit candidates, or dask://host:port or ray://host:port "
-            "(default: threads).",
+            help="Number of processes that fit candidates (0: one a processor), or "
+            "dask://host:port or ray://host:port (default: threads).",
         ),
     ] = "",
     json: Json = False,

@@ -179,7 +179,8 @@ def history(
         str,
         typer.Option(
             "--workers",
-            help="Number of processes that judge metrics, or dask://host:port or ray://host:port.",
+            help="Number of processes that judge metrics (0: one a processor), or dask://host:port "
+            "or ray://host:port.",
         ),
     ] = "",
 ) -> None:

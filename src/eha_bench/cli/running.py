@@ -39,7 +39,8 @@ Workers = Annotated[
     str,
     typer.Option(
         "--workers",
-        help="Number of processes that simulate, or dask://host:port or ray://host:port.",
+        help="Number of processes that simulate (0: one a processor), or dask://host:port or "
+        "ray://host:port.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json on standard output.")]
