@@ -143,3 +143,42 @@ def test_too_many_trials(tmp_path: Path) -> None:
     hundred = str(list(range(100)))
     matrix = f"{{pressure: {hundred}, b: {hundred}, c: {hundred}}}"
     assert "1000000 trials are more than" in str(refusal(tmp_path, MATRIX % matrix))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key"),
+    [
+        ("15 MPa, 20 MPa", "15 MPa, 10 mm", 6, "signal.final"),
+        ("35 ms:", "35 mm:", 8, "accept.rise_time.max"),
+        ("<= 3 ms", "<= 3 mm", 10, "accept.settling_time"),
+        ("0.6 s", "0.6 A", 11, "duration"),
+        # what is wrong with a key, or with a text around it, is wrong at the key
+        ("final:", "to:", 12, "signal.to"),
+        ("'${pressure}'", "'${pressure} kN'", 12, "signal.final"),
+    ],
+)
+def test_a_wrong_value_is_told_with_its_line_in_the_matrix(
+    tmp_path: Path, old: str, new: str, line: int, key: str
+) -> None:
+    text = """\
+name: x
+trials:
+  - id: step
+    mode: pressure
+    matrix:
+      pressure: [15 MPa, 20 MPa]
+      rise:
+        35 ms: {settling: <= 9 ms}
+        40 ms:
+          settling: <= 3 ms
+      length: [0.6 s]
+    signal: {kind: step, final: '${pressure}', at: 50 ms}
+    duration: '${length}'
+    accept:
+      rise_time: {max: '${rise}'}
+      settling_time: '${settling}'
+"""
+    assert load(tmp_path, text).trials
+    assert old in text
+    error = refusal(tmp_path, text.replace(old, new))
+    assert (error.where.line, error.where.key) == (line, f"trials.step.{key}")

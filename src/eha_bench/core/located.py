@@ -6,8 +6,9 @@ with it must be reported with the line that the user has to change.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
 from eha_bench.core.errors import InputError, Place
@@ -27,12 +28,14 @@ class Located:
         written: keys that lead to a value -> where it was written; of all that this is a part of.
         inside: keys that lead to this part.
         holder: what should hold this part, if `written` does not say where it stands.
+        origins: keys that lead to a value that stands elsewhere than its key -> where.
     """
 
     value: Any
     written: Mapping[Keys, Place] = field(default_factory=dict)
     inside: Keys = ()
     holder: Located | None = None
+    origins: Mapping[Keys, Place] = field(default_factory=dict)
 
     @staticmethod
     def of(content: Any, file: str) -> Located:
@@ -81,7 +84,8 @@ class Located:
         for key in keys:
             value = _item(value, key)
         inside = (*self.inside, *keys)
-        return Located(value, self.written, inside, None if inside in self.written else self)
+        holder = None if inside in self.written else self
+        return Located(value, self.written, inside, holder, self.origins)
 
     def apart(self) -> Located:
         """Return the same part with the places within it alone: asked often, it is found soon."""
@@ -147,6 +151,23 @@ class Located:
             places |= {(key, *path): at for path, at in merged.places.items()}
         return Located(value, places)
 
+    def placed(self, origins: Mapping[Keys, Place]) -> Located:
+        """Return the same content with values that were written elsewhere: keys -> where."""
+        own = {(*self.inside, *keys): place for keys, place in origins.items()}
+        return replace(self, origins=own)
+
+    def origin(self, keys: Sequence[Key] = ()) -> Place:
+        """Return where the value that `keys` lead to was written, under its key.
+
+        That is another line than its key's where the key says `${name}`.
+        """
+        found = self.place(keys)
+        whole = (*self.inside, *keys)
+        for length in range(len(whole), 0, -1):
+            if (place := self.origins.get(whole[:length])) is not None:
+                return Place(place.file, place.line, found.key, found.topic, found.time)
+        return found
+
     def holding(self, mark: str) -> Marked:
         """Return where the texts stand that hold `mark`."""
         return Marked(self, _holding(self.value, mark))
@@ -186,6 +207,11 @@ class Marked:
         value = self._mapped(whole.value, (), self.texts, change) if self.texts else whole.value
         return Located(value, whole.written, whole.inside, whole.holder)
 
+    def whole(self, pattern: re.Pattern[str]) -> dict[Keys, str]:
+        """Return the keys of the texts that are all of a pattern -> its first group."""
+        texts = ((keys, _at(self.content.value, keys)) for keys in _leaves(self.texts))
+        return {keys: match[1] for keys, text in texts if (match := pattern.fullmatch(text))}
+
     def _mapped(
         self, value: Any, keys: Keys, texts: _Texts, change: Callable[[str, Place], Any]
     ) -> Any:
@@ -198,6 +224,22 @@ class Marked:
 
 
 _Texts: TypeAlias = "Mapping[Key, _Texts] | Literal[True]"
+
+
+def _leaves(texts: _Texts, keys: Keys = ()) -> Iterator[Keys]:
+    """Yield the keys that lead to each text."""
+    if texts is True:
+        yield keys
+        return
+    for key, within in texts.items():
+        yield from _leaves(within, (*keys, key))
+
+
+def _at(value: Any, keys: Keys) -> str:
+    """Return the text that keys lead to, without what is around it."""
+    for key in keys:
+        value = value[key]
+    return str(value).strip()
 
 
 def _holding(value: Any, mark: str) -> _Texts:

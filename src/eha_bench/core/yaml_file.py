@@ -377,6 +377,7 @@ def validate(
     *,
     context: Any = None,
     places: Places | None = None,
+    origins: Places | None = None,
     kind: str = "",
 ) -> M:
     """Return `content` as `model`; every mistake becomes a sentence with file, line and key.
@@ -388,6 +389,7 @@ def validate(
         prefix: keys that lead from the file's top to `content`, for messages.
         context: handed to the model's validators (`info.context`).
         places: says where a key stands, for content that was put together from several places.
+        origins: says where the value of a key stands, where that may be elsewhere than the key.
         kind: name of the kind of file, where it is a whole file; one of another kind is called so.
 
     Raises:
@@ -418,10 +420,18 @@ def validate(
             wrong.setdefault(tuple(_key_path(content, detail["loc"])), detail)
         for keys in _results_of_misspelling(model, list(wrong.items())):
             del wrong[keys]
-        first, *others = [_mistake(model, detail, place) for detail in wrong.values()]
+        of_value = origins or place
+        first, *others = [
+            _mistake(model, detail, place if detail["type"] in _OF_KEYS else of_value)
+            for detail in wrong.values()
+        ]
         raise InputError(
             first.what, where=first.where, hint=first.hint, also=tuple(others)
         ) from error
+
+
+_OF_KEYS = ("extra_forbidden", "missing")
+"""Mistakes of a key, not of its value."""
 
 
 def _mistake(model: type[BaseModel], detail: Any, place: Places) -> InputError:

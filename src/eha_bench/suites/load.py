@@ -140,7 +140,7 @@ def _trial(
     signal: SignalModel | None = None
     with mistakes:
         keys = {key: item for key, item in content.value.items() if key not in _APART}
-        run = validate(RunKeys, keys, str(path), places=content.place)
+        run = validate(RunKeys, keys, str(path), places=content.place, origins=content.origin)
     with mistakes:
         mode = _mode(content)
     if mode is None:
@@ -230,7 +230,7 @@ def _signal(content: Located, context: SignalContext, path: Path) -> SignalModel
             hint="add 'signal: {kind: step, final: ...}'",
         )
     wave = content.at("signal")
-    return signal_from(wave.value, str(path), context, wave.place)
+    return signal_from(wave.value, str(path), context, wave.place, wave.origin)
 
 
 def _initial(

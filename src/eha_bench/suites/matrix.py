@@ -25,11 +25,12 @@ class FactorLevel:
 
     Attributes:
         label: how the value stands in the trial's id.
-        values: what `${name}` is replaced by, by name.
+        values: what `${name}` is replaced by, by name. places: where each was written.
     """
 
     label: str
     values: Mapping[str, Any]
+    places: Mapping[str, Place]
 
 
 def expand(trial: Located) -> Iterator[tuple[object, Located]]:
@@ -49,9 +50,14 @@ def expand(trial: Located) -> Iterator[tuple[object, Located]]:
     body = trial.without("matrix")
     pattern = body.value.get("id")
     marked = body.holding("${")
+    whole = {keys: name.strip() for keys, name in marked.whole(_REFERENCE).items()}
     for combination in product(*parameters):
         values = {name: value for case in combination for name, value in case.values.items()}
-        expanded = marked.mapped(partial(with_values, values=values))
+        written = {name: place for case in combination for name, place in case.places.items()}
+        # what is wrong with a value is wrong where it stands: in the matrix
+        expanded = marked.mapped(partial(with_values, values=values)).placed(
+            {keys: written[name] for keys, name in whole.items()}
+        )
         yield _identifier(pattern, combination, body.place(("id",))), expanded
 
 
@@ -92,7 +98,8 @@ def _case(name: str, value: Any, further: Located) -> FactorLevel:
             raise further.at(other).error(
                 f"'{other}' is not a name for a parameter", hint="use letters, digits and '_'"
             )
-    return FactorLevel(label(value), {name: value, **further.value})
+    places = {name: further.place(), **{key: further.place((key,)) for key in further.value}}
+    return FactorLevel(label(value), {name: value, **further.value}, places)
 
 
 def _check_names(parameters: list[list[FactorLevel]], matrix: Located) -> None:

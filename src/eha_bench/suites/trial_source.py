@@ -261,9 +261,17 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
 
 
 def signal_from(
-    content: Any, file: str, context: SignalContext, places: Places | None = None
+    content: Any,
+    file: str,
+    context: SignalContext,
+    places: Places | None = None,
+    origins: Places | None = None,
 ) -> SignalModel:
     """Return the signal that a mapping with a `kind` describes.
+
+    Args:
+        content: the mapping. file: it stands in, for messages. context: of the trial.
+        places, origins: say where a key, and where its value stands, as `validate` takes them.
 
     Raises:
         InputError: no `kind`, or quantities that are missing, unknown or of the wrong unit.
@@ -298,4 +306,4 @@ def signal_from(
         )
     check_class(model, SignalModel, f"signal '{kind}'", where=place("kind"))
     prefix = () if places else ("signal",)
-    return validate(model, content, file, prefix, context=context, places=places)
+    return validate(model, content, file, prefix, context=context, places=places, origins=origins)

@@ -199,7 +199,7 @@ def _words(form: LimitFile, entry: Located) -> LimitWords:
     try:
         return split_words(form.limit or "")
     except UnitError as error:
-        raise InputError(error.what, where=entry.place(), hint=error.hint) from error
+        raise InputError(error.what, where=entry.origin(), hint=error.hint) from error
 
 
 def _scores(scores: Located, mode: ControlMode, own: Specs) -> list[tuple[str, str]]:
@@ -210,7 +210,7 @@ def _scores(scores: Located, mode: ControlMode, own: Specs) -> list[tuple[str, s
     for index in range(len(value)):
         entry = scores.at(index)
         if isinstance(entry.value, dict):
-            form = validate(ScoreFile, entry.value, "", places=entry.place)
+            form = validate(ScoreFile, entry.value, "", places=entry.place, origins=entry.origin)
             spec_named(form.metric, own, entry.place(("metric",)))
             _unit_of(form.channel, form, mode, entry.place(("channel",)))
             pairs.append((form.metric, form.channel))
@@ -225,28 +225,28 @@ def _scores(scores: Located, mode: ControlMode, own: Specs) -> list[tuple[str, s
 def _form(model: type[BoundsFile], entry: Located, unit: str = "") -> Any:
     """Return an entry, be it text or keys, as `model`; `unit` is for examples in a message."""
     if isinstance(entry.value, dict):
-        return validate(model, entry.value, "", places=entry.place)
+        return validate(model, entry.value, "", places=entry.place, origins=entry.origin)
     if isinstance(entry.value, str):
         return model(limit=entry.value)
     raise entry.error(f"'{entry.value}' is not a limit", hint=examples(unit))
 
 
 def _bounds(form: BoundsFile, unit: str, entry: Located) -> tuple[Bounds, str]:
-    where = entry.place()
+    where = entry.origin()
     if form.limit is not None and (form.min is not None or form.max is not None):
         raise entry.error("both 'limit' and 'min' or 'max' are given", hint="keep one of them")
     try:
         if form.limit is not None:
-            where = entry.place(("limit",)) if isinstance(entry.value, dict) else where
+            where = entry.origin(("limit",)) if isinstance(entry.value, dict) else where
             return parse_bounds(form.limit, unit), form.limit.strip()
         sides = [(">=", "min", form.min), ("<=", "max", form.max)]
         given = [(sign, key, str(value)) for sign, key, value in sides if value is not None]
         if not given:
             raise entry.error("the limit is empty", hint=examples(unit))
         for sign, key, value in given:
-            where = entry.place((key,))
+            where = entry.origin((key,))
             parse_bounds(f"{sign} {value}", unit)
-        where = entry.place()
+        where = entry.origin()
         text = ", ".join(f"{sign} {value}" for sign, _, value in given)
         return parse_bounds(text, unit), text
     except UnitError as error:
