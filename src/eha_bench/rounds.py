@@ -131,7 +131,9 @@ def close(
     """
     folder = writable(Path(out))
     # before the first diagnosis, which takes minutes, not after it
-    _same_machine(load_dataset(dataset), open_target(str(target)), target)
+    opened = open_target(str(target))
+    if not (folder / "round-1" / "diagnosis" / DIAGNOSIS_FILE).exists():
+        _same_machine(load_dataset(dataset), opened, target)
     tell = progress or (lambda _stage, _fraction: None)
     _own(folder, dataset, target)
     current, done = Path(dataset), []
