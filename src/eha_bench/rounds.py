@@ -78,11 +78,12 @@ class Round:
 
 @dataclass(frozen=True)
 class Rounds:
-    """All rounds, and how they ended."""
+    """All rounds, and how they ended; `notes` are what is to be known of them, a sentence each."""
 
     ending: Settled
     rounds: tuple[Round, ...]
     folder: Path
+    notes: tuple[str, ...] = ()
 
     @property
     def bench_seconds(self) -> float:
@@ -97,6 +98,7 @@ class Rounds:
             "ending": self.ending.value,
             "bench_seconds": self.bench_seconds,
             "rounds": [item.to_dict() for item in self.rounds],
+            "notes": list(self.notes),
         }
 
 
@@ -127,13 +129,14 @@ def close(
 
     Raises:
         InputError: a file is wrong or missing, the folder holds rounds of another dataset, or the
-            target is another machine than the dataset's.
+            target has none of the channels of the dataset's plant.
     """
     folder = writable(Path(out))
     # before the first diagnosis, which takes minutes, not after it
     opened = open_target(str(target))
+    notes: tuple[str, ...] = ()
     if not (folder / "round-1" / "diagnosis" / DIAGNOSIS_FILE).exists():
-        _same_machine(load_dataset(dataset), opened, target)
+        notes = _beside_the_plant(load_dataset(dataset), opened, target)
     tell = progress or (lambda _stage, _fraction: None)
     _own(folder, dataset, target)
     current, done = Path(dataset), []
@@ -157,36 +160,39 @@ def close(
         tell(f"run {number}", 0.0)
         result = run(suite, target, run_folder(suite), resume=run_folder(suite).exists())
         done[-1] = Round(number, place, found.diagnosis, planned, result.status.value)
-        _write(Rounds(ending, tuple(done), folder))
+        _write(Rounds(ending, tuple(done), folder, notes))
         if result.status in (Status.FAULT, Status.INCOMPLETE):
             ending = Settled.STOPPED
             break
         current = dataset_path(suite)
-    found_all = Rounds(ending, tuple(done), folder)
+    found_all = Rounds(ending, tuple(done), folder, notes)
     _write(found_all)
     return found_all
 
 
-def _same_machine(dataset: Dataset, opened: Target, target: str | Path) -> None:
-    """Refuse a target that is another machine than the one that a dataset is of.
+def _beside_the_plant(dataset: Dataset, opened: Target, target: str | Path) -> tuple[str, ...]:
+    """Return a note where a simulator is of another plant than a dataset.
+
+    A plant with more detail may well play the machine.
 
     Raises:
-        InputError: it simulates another plant, or has none of its channels.
+        InputError: the target has none of the plant's channels.
     """
     own = dataset.model.plant
     channels = {*own.outputs, *own.states, *own.derived_channels}
-    what = ""
-    if isinstance(opened, Simulator) and opened.model.plant.id != own.id:
-        what = f"simulates '{opened.model.plant.id}'"
-    elif opened.units is not None and not opened.units.keys() & channels:
-        what = f"records none of {', '.join(own.outputs)}"
-    if what:
+    if opened.units is not None and not opened.units.keys() & channels:
         raise InputError(
-            f"{what}, and the dataset is of another machine, '{own.id}'",
+            f"records none of {', '.join(own.outputs)}, and the dataset is of '{own.id}'",
             where=Place(file=str(target)),
             hint="its experiments would tell nothing of the model; give --target the machine "
-            "that the recordings are of, or a simulator of that plant",
+            "that the recordings are of, or a simulator of it",
         )
+    if isinstance(opened, Simulator) and opened.model.plant.id != own.id:
+        return (
+            f"{target} simulates '{opened.model.plant.id}', and the dataset's model is "
+            f"'{own.id}': what its experiments tell is right only where both are one machine",
+        )
+    return ()
 
 
 def _own(folder: Path, dataset: str | Path, target: str | Path) -> None:

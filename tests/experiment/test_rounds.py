@@ -9,7 +9,9 @@ import pytest
 
 import eha_bench as eb
 from eha_bench.core.errors import InputError
-from eha_bench.rounds import Settled, close
+from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.rounds import Settled, _beside_the_plant, close
+from eha_bench.targets.resolve import open_target
 
 PLANT = """\
 plant: spindle
@@ -64,22 +66,17 @@ def test_rounds_end_with_the_one_right_name(tmp_path: Path, truth: str):
     assert (tmp_path / "loop" / "rounds.html").exists()
 
 
-@pytest.mark.parametrize(
-    ("target", "what"),
-    [
-        ("model: eha_knee\n", "simulates 'eha_knee'"),
-        ("target: simulator\nmodel: eha_knee.yaml\n", "simulates 'eha_knee'"),
-    ],
-)
-def test_another_machine_than_that_of_the_recordings_is_refused_at_once(
-    tmp_path: Path, target: str, what: str
-):
+def test_a_simulator_of_another_plant_is_noted(tmp_path: Path):
     _dataset(tmp_path)
-    (tmp_path / "eha_knee.yaml").write_text("model: eha_knee\n")
-    (tmp_path / "other.yaml").write_text(target)
-    with pytest.raises(InputError, match=f"{what}.*of another machine, 'spindle'"):
-        close(tmp_path / "dataset.yaml", tmp_path / "other.yaml", tmp_path / "loop")
-    assert not (tmp_path / "loop").exists()
+    dataset = load_dataset(tmp_path / "dataset.yaml")
+    (tmp_path / "knee.yaml").write_text("model: eha_knee\n")
+    for model, noted in (("knee.yaml", True), ("plant.yaml", False)):
+        (tmp_path / "target.yaml").write_text(f"target: simulator\nmodel: {model}\n")
+        opened = open_target(str(tmp_path / "target.yaml"))
+        notes = _beside_the_plant(dataset, opened, "target.yaml")
+        assert bool(notes) is noted
+        if noted:
+            assert notes[0].startswith("target.yaml simulates 'eha_knee', and the dataset's model")
 
 
 def test_a_target_without_any_channel_of_the_plant_is_another_machine(

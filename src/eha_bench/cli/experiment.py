@@ -166,6 +166,8 @@ def close(
             )
         except KeyboardInterrupt as stop:
             raise KeyboardInterrupt(_GOES_ON) from stop
+    for note in found.notes:
+        say(f"note: {note}")
     for item in found.to_dict()["rounds"]:
         causes = ", ".join(item["effects"]) or "no effect"
         plan = item["experiment"][:1].upper() + item["experiment"][1:]
