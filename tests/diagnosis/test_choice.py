@@ -36,6 +36,8 @@ STRENGTHS = {
     THIRD: "command_delay.delay",
 }
 VALVE_CYLINDER = Model("valve_cylinder")
+PLAIN = SimpleNamespace(action=SimpleNamespace(opens=None), effect=SimpleNamespace(yields_to=""))
+"""An effect that opens at no setting and yields to none."""
 GAINED = Improvement(1000.0, 900.0, 1.0, 0.9, 1e-9, 1.0, 0.9)
 
 
@@ -85,12 +87,38 @@ def test_what_yields_to_another_is_chosen_only_where_that_explains_less(
     monkeypatch.setattr(
         type(layout),
         "effect",
-        lambda _, name: known.get(name) or SimpleNamespace(effect=SimpleNamespace(yields_to="")),
+        lambda _, name: known.get(name) or PLAIN,
     )
     best = search.fit.cost - 1000.0
     other = trial(search, RIGHT, best + 60.0)
     other = replace(other, comparison=replace(other.comparison, share=explained))
     found = choice.choose(search, [trial(search, RIVAL, best), other])
+    assert found is not None
+    assert found.candidate == chosen
+
+
+@pytest.mark.parametrize(("setting", "chosen"), [(1.2, RIGHT), (1.4, RIVAL)])
+def test_a_valve_that_is_hardly_shut_yields_to_a_leak(
+    search: Search, monkeypatch: pytest.MonkeyPatch, setting: float, chosen: str
+) -> None:
+    """One whose gap widens with the pressure fits as a valve that opens at a low one."""
+    layout = search.problem.plant.layout
+    bound = layout.effect(RIVAL)
+    name = bound.parameters[0].name
+    valve = SimpleNamespace(
+        id=RIVAL,
+        action=SimpleNamespace(opens=SimpleNamespace(setting=name)),
+        effect=replace(bound.effect, yields_to=RIGHT),
+    )
+    monkeypatch.setattr(type(layout), "effect", lambda _, name: valve if name == RIVAL else PLAIN)
+    best = search.fit.cost - 1000.0
+    rival = trial(search, RIVAL, best)
+    places = search.problem.places
+    vector = rival.fit.vector.copy()
+    vector[places.index[f"{RIVAL}.{name}"]] = 0.1 * setting
+    rival = replace(rival, fit=replace(rival.fit, vector=vector))
+    monkeypatch.setattr(type(places), "bounds", lambda *_: (0.1, float("inf")))
+    found = choice.choose(search, [rival, trial(search, RIGHT, best + 60.0)])
     assert found is not None
     assert found.candidate == chosen
 

@@ -10,7 +10,8 @@ drained, the higher pressure alone; then as much flows as if that were the drop,
 
 The valve's own motion is fast against the chambers' and is left out. A relief
 valve opens far above what a machine works at, and then lets a pump's whole flow out within some
-bar: a setting of a few bar, or one that the pressure is above half of the time, is a leak's.
+bar: a setting of a few bar, or one that the pressure is above half of the time, is a leak's. Near
+that one it yields to `external_leakage`, where that explains nearly as much.
 
 Source: Merritt, Hydraulic Control Systems, Wiley 1967; Yang et al. 2023, Section 2.
 """
@@ -120,4 +121,5 @@ EFFECT = Effect(
         for setting in (4e6, 4.6e6, 5.3e6, 6.1e6, 7.1e6, 8.2e6, 9.5e6, 10.9e6, 12.6e6, 14.5e6,
                         16.8e6, 19.4e6, 22.4e6, 25.9e6, 30e6)
     ),
+    yields_to="external_leakage",
 )  # fmt: skip
