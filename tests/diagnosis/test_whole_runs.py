@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from known_search import LinearProblem, add, search_of, shape, strength
 
+from eha_bench.diagnosis.search import whole_runs
 from eha_bench.diagnosis.search.whole_runs import compare_over, compare_over_whole_runs
 
 EFFECT, OTHER = "coulomb_friction", "current_lag"
@@ -60,6 +61,15 @@ def test_what_whole_runs_speak_for_takes_the_place() -> None:
     assert strength(search, search.fit, OTHER) == pytest.approx(2e-3, rel=0.05)
     assert strength(search, search.fit, EFFECT) == 0.0
     assert search.fit.cost == pytest.approx(cost, rel=0.01)
+
+
+def test_what_describes_the_same_with_more_takes_no_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may stand beside what it yields to."""
+    search = tied_search(TIME)
+    monkeypatch.setattr(whole_runs, "yields_to", lambda _, name, __: {OTHER: EFFECT}.get(name, ""))
+    compare_over(search, problem(0.8, TIME))
+    (item,) = search.accepted
+    assert (item.start.candidate, item.equivalent) == (EFFECT, (OTHER,))
 
 
 def test_a_tie_stays_where_whole_runs_do_not_distinguish_either() -> None:

@@ -8,10 +8,7 @@ from eha_bench.diagnosis.fit.evidence import Improvement
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
 from eha_bench.diagnosis.search.state import Refit, Search
-from eha_bench.plants.effect import BoundEffect
-
-_HARDLY_SHUT = 1.3
-"""Setting of a valve, in what is reached half of the time, below which a leak may be meant."""
+from eha_bench.diagnosis.search.yielding import yields_to
 
 
 def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
@@ -38,10 +35,7 @@ def _yielding(search: Search, chosen: Refit, good: Sequence[Refit]) -> Refit:
     """Return what describes the same as the chosen one with less, where it explains it as well."""
     if chosen.start.is_parameter:
         return chosen
-    effect = search.problem.plant.layout.effect(chosen.candidate)
-    if effect.action.opens is not None and not _is_hardly_shut(search, chosen, effect):
-        return chosen
-    other = effect.effect.yields_to
+    other = yields_to(search, chosen.candidate, chosen.fit.vector)
     least = search.thresholds.nearly_all
     return next(
         (
@@ -52,18 +46,6 @@ def _yielding(search: Search, chosen: Refit, good: Sequence[Refit]) -> Refit:
         ),
         chosen,
     )
-
-
-def _is_hardly_shut(search: Search, chosen: Refit, effect: BoundEffect) -> bool:
-    """Whether something that opens above a setting is open nearly half of the time, as a leak is.
-
-    A leak whose gap widens with the pressure fits as a valve that is open from a low one on.
-    """
-    assert effect.action.opens is not None
-    key, vector = f"{effect.id}.{effect.action.opens.setting}", chosen.fit.vector
-    places = search.problem.places
-    reached, _ = places.bounds(key, vector)
-    return bool(vector[places.index[key]] < _HARDLY_SHUT * reached)
 
 
 def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:

@@ -23,6 +23,7 @@ from eha_bench.diagnosis.search.equivalent import is_far_above_noise
 from eha_bench.diagnosis.search.exchange import CLOSE, compared
 from eha_bench.diagnosis.search.refit import free_of
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
+from eha_bench.diagnosis.search.yielding import yields_to
 
 _UNCUT = float("inf")
 _ITERATIONS = 8
@@ -75,7 +76,9 @@ def _compare(search: Search, problem: Problem, item: Accepted) -> None:
     within.accepted = others
     own = item.start.candidate
     fits = {name: _best(within, begun) for name, begun in _begun(search, item)}
-    best = min(fits.values(), key=lambda one: one.fit.cost)
+    # what describes the same with more numbers may stand beside it, not in its place
+    able = [one for name, one in fits.items() if yields_to(search, name, one.fit.vector) != own]
+    best = min(able, key=lambda one: one.fit.cost)
     if excess(problem, best.fit).significance > search.thresholds.white:
         return
     equal = [
