@@ -19,7 +19,7 @@ from eha_bench.diagnosis.fit.telling_windows import note_of, telling_windows
 
 NOISE = {"angle": 1e-3}
 TICK = 1e-2
-SECONDS = 120.0
+SECONDS = 240.0
 
 
 @pytest.fixture(scope="module")

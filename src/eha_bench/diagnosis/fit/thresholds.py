@@ -73,7 +73,7 @@ class Thresholds:
     )
     first: float = _threshold(
         0.2,
-        "the same of a first one where much is missing",
+        "the same where much is missing",
         "of a measured machine much remains, in which one cause shows as a smaller part",
     )
     much: float = _threshold(
@@ -207,9 +207,9 @@ class Thresholds:
         """Whether enough is left to distinguish another cause from what a fit leaves over."""
         return rest.relative > self.look and self.has_structure(rest)
 
-    def least_share(self, before: Excess, others: int) -> float:
-        """Return the least share that an effect takes of an excess, among others."""
-        return self.first if not others and self.is_much(before) else self.share
+    def least_share(self, before: Excess) -> float:
+        """Return the least share that an effect takes of an excess."""
+        return self.first if self.is_much(before) else self.share
 
     def is_enough(self, found: Improvement, before: Excess, others: int) -> bool:
         """Whether a gain is enough of an excess, or clear where that may be the noise's level.
@@ -217,7 +217,7 @@ class Thresholds:
         Beside another effect it has to be enough: what that leaves is more likely its form. Where
         noise hides all that is missing, the most lucky of several candidates takes all of it.
         """
-        if min(found.share, found.share_out) > self.least_share(before, others):
+        if min(found.share, found.share_out) > self.least_share(before):
             return before.relative > self.rest or found.p_value < self.p_hidden
         level = not self.has_structure(before) and not others
         return level and self.is_clear(found, before.size)
