@@ -15,6 +15,7 @@ from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.outcome.confounded import follows_pressure
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.outcome.refusal import Refusal, placed_by_refusals
+from eha_bench.diagnosis.outcome.whereabouts import acts_in
 from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn, times_of
@@ -166,7 +167,7 @@ def _unknown(
     """Return the verdict unknown, with where something acts and what it follows."""
     locator, equation, located = locate(search.problem, search.fit, step, progress)
     if not located:
-        where = f"something acts in the {equation} balance" if equation else "nothing was located"
+        where = f"something {acts_in(equation, '')}" if equation else "nothing was located"
         text = f"{where}; the variables it could depend on are not measured"
         if not places_of(search.problem.plant):
             text = (
@@ -191,7 +192,7 @@ def in_held_out(decision: Decision, equation: str) -> Decision:
         decision: that nothing is missing. equation: where held-out runs place it, "" for nowhere.
     """
     text = (
-        f"{_acting(equation, '') if equation else 'something acts'} in held-out runs, where "
+        f"something {acts_in(equation, '') if equation else 'acts'} in held-out runs, where "
         "training did not go: use such a run for training to learn what"
     )
     unknown = Unknown(equation or None, (), text)
@@ -210,7 +211,7 @@ def without_curve(decision: Decision, search: Search, why: str) -> Decision:
     unknown = decision.unknown
     if unknown is not None and not unknown.share > search.thresholds.explained:
         text = (
-            f"{_acting(unknown.equation or '', unknown.at)}; the best curve, of "
+            f"something {acts_in(unknown.equation or '', unknown.at)}; the best curve, of "
             f"{', '.join(unknown.variables)}, explains {per_cent(unknown.share)} of the excess in "
             "windows and makes whole runs worse, so what it depends on remains open"
         )
@@ -233,13 +234,13 @@ def _decision_with_curve(
     before = float(soft @ soft)
     share = (before - fit.cost) / max(before - floor, 1.0)
     if not share > search.thresholds.nothing:
-        text = f"{_acting(best.template.equation, '')}; no curve that was tried "
+        text = f"something {acts_in(best.template.equation, '')}; no curve that was tried "
         text += "explains any of it, so what it depends on remains open"
         unknown = Unknown(best.template.equation, (), text, 0.0)
         return Decision(Verdict.UNKNOWN, search.fit, notes, unknown)
     template = best.template
     period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
-    text = _acting(template.equation, template.place)
+    text = f"something {acts_in(template.equation, template.place)}"
     if share > search.thresholds.follows:
         comma = "," if "," in text else ""
         text += f"{comma} and depends on {template.variable}"
@@ -270,11 +271,3 @@ def _decision_with_curve(
         ),
         learned,
     )
-
-
-def _acting(equation: str, place: str) -> str:
-    """Say in which balance something acts, and where a curve of it does best."""
-    if equation == "measurement" and place:
-        return f"something acts in the measurement of {place}"
-    text = f"something acts in the {equation} balance"
-    return f"{text}, best described at '{place}'" if place else text

@@ -15,6 +15,7 @@ from typing import Any
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.outcome.whereabouts import acts_in, channel_of
 from eha_bench.diagnosis.search.state import Search
 from eha_bench.diagnosis.unknown.locator import locate
 
@@ -47,12 +48,8 @@ class Remainder:
     @property
     def note(self) -> str:
         """Say it in a sentence or two."""
-        text = f"what remains ({per_cent(self.share)} of what was missing) acts "
-        if self.equation == "measurement" and self.at:
-            text += f"in the measurement of {_channel(self.at)}"
-        else:
-            text += f"in the {self.equation} balance"
-            text += f", best described at '{self.at}'" if self.at else ""
+        text = f"what remains ({per_cent(self.share)} of what was missing) "
+        text += acts_in(self.equation, self.at)
         if self.variable:
             text += f"; a curve of {self.variable} explains {per_cent(self.explained)} of it"
         else:
@@ -97,14 +94,9 @@ def remainder(
     if best is None or best.share <= search.thresholds.follows:
         return Remainder(min(share, 1.0), equation, near=near)
     at = best.template.place
-    here = equation, _channel(at)
+    here = equation, channel_of(at)
     explained = min(best.share, 1.0)
     alike = [name for name, balance, where in places if (balance, where) == here]
     there = tuple(alike) if explained > _MOST else ()
     variable = best.template.variable
     return Remainder(min(share, 1.0), equation, at, variable, explained, near, there)
-
-
-def _channel(place: str) -> str:
-    """Return the channel where a place is its sensor, else the place."""
-    return place.removesuffix(".sensor")
