@@ -24,6 +24,7 @@ from test_browser import quiet
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.outcome.diagnosis import ChannelError, Unknown, Verdict
+from eha_bench.diagnosis.outcome.remainder import Remainder
 from eha_bench.diagnosis.replay.error_by_value import ErrorBin, ErrorByValue
 from eha_bench.plants.model import DeclaredEffect
 from eha_bench.report.curve_figure import learned_curve
@@ -173,12 +174,18 @@ def test_an_interrupted_diagnosis_has_a_page(tmp_path: Path) -> None:
 
 
 def test_an_effect_of_a_fit_that_has_not_converged_has_no_interval_and_says_why() -> None:
-    effect = effect_found().effects[0]
+    found = effect_found()
+    effect = found.effects[0]
     number = replace(next(iter(effect.parameters.values())), low=math.nan, high=math.nan)
     effect = replace(effect, parameters={"strength": number})
     stuck = Convergence(distance=9.0, ratio=1.1, starts=3, agreed=1, at_bounds={})
-    assert effect_rows(effect, stuck)[0].interval == "no interval: not converged"
-    assert effect_rows(effect, None)[0].interval == "not determined by these data"
+    told = replace(found, convergence=stuck)
+    assert effect_rows(effect, told)[0].interval == "no interval: not converged"
+    told = replace(found, convergence=None)
+    assert effect_rows(effect, told)[0].interval == "not determined by these data"
+    left = Remainder(0.1, "flow", "a", "pressure_a", 0.9, found_there=(effect.id,))
+    told = replace(told, remainder=left)
+    assert effect_rows(effect, told)[0].interval == "no interval: its law may be another one"
 
 
 def test_short_gaps_between_times_are_closed() -> None:

@@ -195,7 +195,7 @@ def _causes(found: Diagnosis) -> tuple[CauseView, ...]:
             layout.effect(item.id).summary,
             share(item.share),
             probability(item.p_value),
-            effect_rows(item, found.convergence),
+            effect_rows(item, found),
             layout.effect(item.id).source,
         )
         for item in found.effects

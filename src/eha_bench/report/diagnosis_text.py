@@ -217,13 +217,21 @@ def parameter_row(
     return ParameterRow(name, value, interval, given)
 
 
-def effect_rows(effect: FoundEffect, convergence: Convergence | None) -> tuple[ParameterRow, ...]:
-    """Return the numbers of an effect that was found, and its words.
+def no_interval_of(effect: FoundEffect, found: Diagnosis) -> str:
+    """Return why an effect's numbers have no interval, "" where the data determine them."""
+    why, left = no_interval(found.convergence), found.remainder
+    if not why and left is not None and effect.id in left.found_there:
+        return "no interval: its law may be another one"
+    return why
+
+
+def effect_rows(effect: FoundEffect, found: Diagnosis) -> tuple[ParameterRow, ...]:
+    """Return the numbers of an effect, and its words.
 
     Args:
-        effect: what was found. convergence: of the fit that its numbers are from.
+        effect: one of those that were found. found: the diagnosis.
     """
-    why = no_interval(convergence)
+    why = no_interval_of(effect, found)
     rows = [parameter_row(name, item, why=why) for name, item in effect.parameters.items()]
     rows += [ParameterRow(name, word, "") for name, word in effect.settings.items()]
     return tuple(rows)

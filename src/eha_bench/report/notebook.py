@@ -102,7 +102,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     found = [
         (words_of(effect.id), row.name, row.value, row.interval)
         for effect in diagnosis.effects
-        for row in effect_rows(effect, diagnosis.convergence)
+        for row in effect_rows(effect, diagnosis)
     ]
     effects = ""
     if found:
