@@ -119,36 +119,23 @@ class Model:
 
         Numbers are SI with all their digits: they are read again bit for bit. Units are comments.
         """
-        from ruamel.yaml import YAML
-        from ruamel.yaml.comments import CommentedMap
-
         data, layout = self._content(), self.plant.layout
         units = {name: layout.by_key[layout.key(name)].unit for name in self.parameters}
-        blocks = [(data["parameters"], units)]
-        for item, declared in zip(data.get("effects", []), self.effects, strict=True):
-            effect = layout.effect(declared.id)
-            numbers = [name for name, value in item.items() if isinstance(value, float)]
-            own = {name: effect.parameter_at(name, declared.values).unit for name in numbers}
-            blocks.append((item, own))
-        written = []
-        for block, own in blocks:
-            lines = CommentedMap(block)
-            lines.fa.set_block_style()
-            for name, unit in own.items():
-                if unit:
-                    lines.yaml_add_eol_comment(unit, name, column=0)
-            written.append(lines)
-        data["parameters"] = written[0]
-        if self.effects:
-            data["effects"] = written[1:]
-        writer = YAML()
-        writer.default_flow_style = None
-        writer.indent(mapping=2, sequence=4, offset=2)
-        writer.width = _ONE_LINE
-        stream = StringIO()
-        writer.dump(data, stream)
+        data["parameters"] = _with_units(data["parameters"], units)
+        items = zip(data.pop("effects", ()), self.effects, strict=True)
+        if effects := [self._effect_with_units(item, declared) for item, declared in items]:
+            data["effects"] = effects
         head = "".join(f"# {line}\n" for line in comment.splitlines())
-        return head + stream.getvalue()
+        return head + _dumped(data, _ONE_LINE, sequence=4, offset=2)
+
+    def _effect_with_units(
+        self, item: Mapping[str, Any], declared: DeclaredEffect
+    ) -> Mapping[str, Any]:
+        effect = self.plant.layout.effect(declared.id)
+        numbers = [name for name, value in item.items() if isinstance(value, float)]
+        return _with_units(
+            item, {name: effect.parameter_at(name, declared.values).unit for name in numbers}
+        )
 
     def _content(self) -> dict[str, Any]:
         """Return what model.yaml holds, as plain numbers, words, lists and mappings."""
@@ -180,14 +167,36 @@ class Model:
         Of the text that it has always been of, whatever `to_yaml` looks like: digests of results
         that are years apart are compared.
         """
-        from ruamel.yaml import YAML
+        return hashlib.sha256(_dumped(self._content(), 100).encode()).hexdigest()
 
-        writer = YAML()
-        writer.default_flow_style = None
-        writer.width = 100
-        stream = StringIO()
-        writer.dump(self._content(), stream)
-        return hashlib.sha256(stream.getvalue().encode()).hexdigest()
+
+def _with_units(block: Mapping[str, Any], units: Mapping[str, str]) -> Mapping[str, Any]:
+    """Return a mapping that is written a key a line, with units as comments."""
+    from ruamel.yaml.comments import CommentedMap
+
+    lines = CommentedMap(block)
+    lines.fa.set_block_style()
+    for name, unit in units.items():
+        if unit:
+            lines.yaml_add_eol_comment(unit, name, column=0)
+    return lines
+
+
+def _dumped(data: Mapping[str, Any], width: int, *, sequence: int = 2, offset: int = 0) -> str:
+    """Return YAML text whose innermost lists and mappings take a line, unless they say otherwise.
+
+    Args:
+        data: what is written. width: of a line. sequence, offset: indent of lists, and of dashes.
+    """
+    from ruamel.yaml import YAML
+
+    writer = YAML()
+    writer.default_flow_style = None
+    writer.indent(mapping=2, sequence=sequence, offset=offset)
+    writer.width = width
+    stream = StringIO()
+    writer.dump(data, stream)
+    return stream.getvalue()
 
 
 def load_model(source: str | Path | Mapping[str, Any]) -> Model:
