@@ -287,7 +287,7 @@ def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch)
     """Where no place can act there is no equation, and none is made up."""
     left = Excess(1e4, 1000, 50.0, {})
     search = cast("Search", SimpleNamespace(
-        excess_left=left, excess_base=left, effects=[], fit=None, is_unexplained=True,
+        excess_left=left, excess_base=left, effects=[], fit=None, is_unexplained=True, share_left=1.0,
         thresholds=DEFAULT,
         problem=SimpleNamespace(plant=None),
     ))  # fmt: skip

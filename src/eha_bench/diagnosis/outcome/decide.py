@@ -59,8 +59,7 @@ def decide(
     """
     rest, limits = search.excess_left, search.thresholds
     unexplained = search.is_unexplained
-    before = max(search.excess_base.total, 1.0)
-    share = 1.0 - max(rest.total, 0.0) / before
+    share = 1.0 - search.share_left
     notes = [
         *(item.note for item in refused),
         _remaining(rest.relative, search.excess_base.relative),

@@ -88,15 +88,15 @@ def remainder(
     locator, equation, located = locate(search.problem, search.fit, step, progress)
     if not equation:
         return None
-    share = max(search.excess_left.total, 0.0) / max(search.excess_base.total, 1.0)
+    share = min(search.share_left, 1.0)
     near = tuple(name for name in locator.near if name != equation)
     best = located[0] if located else None
     if best is None or best.share <= search.thresholds.follows:
-        return Remainder(min(share, 1.0), equation, near=near)
+        return Remainder(share, equation, near=near)
     at = best.template.place
     here = equation, channel_of(at)
     explained = min(best.share, 1.0)
     alike = [name for name, balance, where in places if (balance, where) == here]
     there = tuple(alike) if explained > _MOST else ()
     variable = best.template.variable
-    return Remainder(min(share, 1.0), equation, at, variable, explained, near, there)
+    return Remainder(share, equation, at, variable, explained, near, there)

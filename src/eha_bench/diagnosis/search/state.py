@@ -129,6 +129,11 @@ class Search:
         return next((look for look in self.looks if any(t.candidate == name for t in look)), [])
 
     @property
+    def share_left(self) -> float:
+        """What was added leaves of what was missing, as a share; above 1 where it does harm."""
+        return max(self.excess_left.total, 0.0) / max(self.excess_base.total, 1.0)
+
+    @property
     def is_unexplained(self) -> bool:
         """Whether what is left holds more than noise and what a nearly right model leaves."""
         return self.thresholds.is_unexplained(self.excess_left)
