@@ -287,8 +287,8 @@ def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch)
     """Where no place can act there is no equation, and none is made up."""
     left = Excess(1e4, 1000, 50.0, {})
     search = cast("Search", SimpleNamespace(
-        excess_left=left, excess_base=left, effects=[], fit=None, is_unexplained=True, share_left=1.0,
-        thresholds=DEFAULT,
+        excess_left=left, excess_base=left, effects=[], fit=None, is_unexplained=True,
+        thresholds=DEFAULT, share_left=1.0,
         problem=SimpleNamespace(plant=None),
     ))  # fmt: skip
     monkeypatch.setattr(decide_module, "places_of", lambda _: ("somewhere",))
