@@ -78,6 +78,14 @@ def test_a_tie_stays_where_whole_runs_do_not_distinguish_either() -> None:
     assert search.accepted[0].equivalent == (OTHER,)
 
 
+def test_what_only_windows_speak_against_is_equivalent() -> None:
+    """Their start states take part of what is missing; whole runs have none to take it."""
+    search = tied_search()
+    search.accepted = [replace(search.accepted[0], equivalent=())]
+    compare_over(search, problem(1.0))
+    assert search.accepted[0].equivalent == (OTHER,)
+
+
 def test_a_tie_stays_where_no_model_holds_over_whole_runs() -> None:
     """Then a gain says how the forms are wrong, not which cause is there."""
     search = tied_search()

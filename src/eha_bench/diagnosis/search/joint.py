@@ -35,6 +35,9 @@ _PLAUSIBLE_BENT = 0.25
 _LARGER_BENT = 0.05
 """The same two shares where so much is missing that the parameters of short windows imitate it as
 well: of a servo's weight and friction, which explain 86 % over whole runs, they held 35 and 8 %."""
+_ARRIVING = 0.5
+"""Share of what two have to explain in all, that a pair has to explain over long windows before it
+is fitted to the end: friction at rest and other forms add to it, but do not double it."""
 _MAY_WIN = 0.8
 """Share of what was found that a pair must explain before forms are tried."""
 
@@ -143,6 +146,8 @@ def _best(search: Search) -> Nearby | None:
     good = [p for p in pairs.values() if near.fit.cost - _cost(p) > plausible]
     good = sorted(good, key=_cost)[:_FINALISTS]
     done = side_by_side(lambda pair: Nearby(pair.starts, near.long(pair)), good)
+    least = _ARRIVING * search.thresholds.together * search.excess_base.total
+    done = [pair for pair in done if search.base.cost - _cost(pair) > least]
     # what polishes prepares the search's own windows: one after the other
     done = [Nearby(p.starts, polish_at_rest(search, p.fit, p.starts)) for p in done]
     inside = [pair for pair in done if are_inside(search, pair.starts, pair.fit.vector)]

@@ -3,7 +3,8 @@
 Each window has a start state of its own, which takes what is slow: a weight and a friction that is
 larger one way may leave the same in windows, and part over a run. A whole run adds every error up.
 So it says more where a model holds over it, down to white noise, and a likelihood ratio counts
-there. Where none does, it only says that every form is a little off, and what windows say stands.
+there: what it speaks against is out, and what it does not tell apart is equivalent, also where
+windows, whose start states are read off, prefer one. Where none does, it only says that every form is a little off, and what windows say stands.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ _LITTLE_MORE = 1.1
 
 
 def compare_over_whole_runs(search: Search) -> None:
-    """Drop equivalents that whole runs speak against; a rival that they speak for is exchanged."""
+    """Let whole runs say what is equivalent; a rival that they speak for is exchanged."""
     if search.thresholds.has_structure(search.excess_left) and is_far_above_noise(search.fit):
         # what leaves as much in windows leaves more over whole runs, and these decide nothing
         return
@@ -88,7 +89,7 @@ def _compare(search: Search, problem: Problem, item: Accepted) -> None:
     ]
     place = search.accepted.index(item)
     if own in equal:
-        equivalent = tuple(name for name in equal if name in item.equivalent)
+        equivalent = tuple(name for name in equal if name != own)
         search.accepted[place] = replace(item, equivalent=equivalent)
         return
     equivalent = tuple(name for name in equal if name != best.start.candidate)
