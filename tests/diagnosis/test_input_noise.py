@@ -29,6 +29,11 @@ LOUD = 3.0
 """An input's noise over that of the same sensor where it is compared."""
 
 
+def by(response):
+    """Return the residuals of a linear machine under several drives."""
+    return lambda drives: [response @ drive.inputs["current"] for drive in drives]
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.02])
 def test_the_cosines_make_what_white_noise_makes_of_an_integrator(memory) -> None:
     n, gain, sigma = 400, 0.3, 0.25
@@ -39,7 +44,11 @@ def test_the_cosines_make_what_white_noise_makes_of_an_integrator(memory) -> Non
         response *= np.exp(-np.abs(index[:, None] - index) * 1e-3 / memory)
     drive = Drive(index * 1e-3, {"current": np.zeros(n)})
     found = input_noise_of(
-        drive, {"current": sigma}, {}, np.ones(1), lambda d: response @ d.inputs["current"]
+        drive,
+        {"current": sigma},
+        {},
+        np.ones(1),
+        by(response),
     )
     exact = sigma**2 * response @ response.T
     made = found.columns @ found.columns.T
@@ -60,7 +69,7 @@ def test_noise_that_remembers_is_made_as_it_is() -> None:
         {"current": 1.0},
         {"current": Colour((a,))},
         np.ones(1),
-        lambda d: response @ d.inputs["current"],
+        by(response),
     )
     exact = response @ toeplitz(a**index) @ response.T
     made = found.columns @ found.columns.T
@@ -70,7 +79,11 @@ def test_noise_that_remembers_is_made_as_it_is() -> None:
 def test_responses_hold_for_parameters_nearby() -> None:
     drive = Drive(np.arange(40) * 1e-3, {"current": np.zeros(40)})
     found = input_noise_of(
-        drive, {"current": 1.0}, {}, np.array([2.0, 0.0]), lambda d: d.inputs["current"]
+        drive,
+        {"current": 1.0},
+        {},
+        np.array([2.0, 0.0]),
+        by(np.eye(40)),
     )
     assert found.is_near(np.array([2.05, 0.0]))
     assert not found.is_near(np.array([2.1, 0.0]))

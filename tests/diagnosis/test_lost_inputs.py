@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -96,14 +97,14 @@ def test_a_command_on_a_slower_clock_is_lost_until_the_next_one() -> None:
 def test_what_lost_messages_do_is_what_each_alone_does() -> None:
     decay = np.exp(-np.arange(TIME.size) / 30.0)
 
-    def residual(drive: Drive) -> np.ndarray:
-        return np.convolve(drive.inputs["current_command"], decay)[: TIME.size]
+    def residuals(drives: Sequence[Drive]) -> list[np.ndarray]:
+        return [np.convolve(d.inputs["current_command"], decay)[: TIME.size] for d in drives]
 
     unsure = LostValues(
         np.array([100, 900, 905]), np.array([101, 901, 908]), np.array([2.0, 1.0, 3.0])
     )
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
-    found = lost_input_noise(drive, {"current_command": unsure}, 0, TIME, np.ones(1), residual)
+    found = lost_input_noise(drive, {"current_command": unsure}, 0, TIME, np.ones(1), residuals)
     expected = np.zeros((3, TIME.size))
     for row, tick, stop, spread in zip(
         expected, unsure.ticks, unsure.stops, unsure.spread, strict=True
@@ -120,7 +121,7 @@ def test_what_does_next_to_nothing_is_left_out() -> None:
     unsure = LostValues(np.arange(10, 1990, 10), np.arange(11, 1991, 10), np.full(198, 1e-4))
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
     found = lost_input_noise(drive, {"current_command": unsure}, 0, TIME, np.ones(1),
-                 lambda d: d.inputs["current_command"])  # fmt: skip
+                 lambda drives: [d.inputs["current_command"] for d in drives])  # fmt: skip
     assert found.columns.shape == (TIME.size, 0)
     assert found.simulations == 2
 
@@ -162,18 +163,19 @@ def test_lost_values_are_found_where_readings_tell_and_stay_where_they_do_not() 
     truth[[100, 900]] = 2.0, -1.0
     measured = np.convolve(truth, decay)[: TIME.size] * 50.0
 
-    def residual(drive: Drive) -> np.ndarray:
-        return measured - 50.0 * np.convolve(drive.inputs["current_command"], decay)[: TIME.size]
+    def residuals(drives: Sequence[Drive]) -> list[np.ndarray]:
+        asked = [drive.inputs["current_command"] for drive in drives]
+        return [measured - 50.0 * np.convolve(own, decay)[: TIME.size] for own in asked]
 
     unsure = LostValues(
         np.array([100, 900, 1995]), np.array([101, 901, 1996]), np.array([2.0, 1.5, 4])
     )
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
-    found = at_their_best(drive, {"current_command": unsure}, TIME, residual)
+    found = at_their_best(drive, {"current_command": unsure}, TIME, residuals)
     assert found.inputs["current_command"] == pytest.approx(truth, abs=1e-3)
     # never further than three spreads, whatever is missing
     near = LostValues(unsure.ticks, unsure.stops, np.full(3, 0.1))
-    found = at_their_best(drive, {"current_command": near}, TIME, residual)
+    found = at_their_best(drive, {"current_command": near}, TIME, residuals)
     assert np.abs(found.inputs["current_command"]).max() == pytest.approx(0.3)
 
 

@@ -13,7 +13,7 @@ remembers (`colour`), its cosines are as large as its spectral density says.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +35,9 @@ _NEAR = 0.03
 """Change of a parameter up to which the responses are kept: they are off by as little."""
 _REACH = 2.0
 """Amplitude at which a cosine is simulated: a compromise as that of a start state's spread."""
+
+Residuals = Callable[[Sequence[Drive]], list[FloatArray]]
+"""Returns the residual of a window under each of several drives, (N,), weighted by its noise."""
 
 
 @dataclass(frozen=True)
@@ -66,30 +69,30 @@ def input_noise_of(
     noise: Mapping[str, float],
     colours: Mapping[str, Colour],
     vector: FloatArray,
-    residual: Callable[[Drive], FloatArray],
+    residuals: Residuals,
 ) -> InputNoise:
     """Return what the noise of all measured inputs does to a window's residual.
 
     Args:
         drive: of the window. noise: input -> standard deviation, SI.
         colours: input -> colour of its noise, where it is not white. vector: of the plant.
-        residual: (N,) weighted by its own noise, of the window under a drive.
+        residuals: of the window.
     """
-    base = residual(drive)
+    (base,) = residuals([drive])
     columns: list[FloatArray] = []
     simulations = 1
     ticks = drive.time.size - drive.first
     for name, sigma in noise.items():
         colour = colours.get(name)
         sizes = sigma * (colour.amplitudes(ticks) if colour else np.ones(ticks))
-        own, count = _responses(drive, name, sizes, lambda other: residual(other) - base)
+        own, count = _responses(drive, name, sizes, base, residuals)
         columns += own
         simulations += count
     return InputNoise(np.array(columns).reshape(len(columns), base.size).T, vector, simulations)
 
 
 def _responses(
-    drive: Drive, name: str, sizes: FloatArray, change: Callable[[Drive], FloatArray]
+    drive: Drive, name: str, sizes: FloatArray, base: FloatArray, residuals: Residuals
 ) -> tuple[list[FloatArray], int]:
     """Return the changes by the cosines of one input that show, and how many were simulated."""
     ticks = sizes.size
@@ -97,24 +100,32 @@ def _responses(
     most = min(max(_FIRST, round(2.0 * _FASTEST * seconds)), ticks)
     draw = np.random.default_rng(0).standard_normal(ticks)
 
-    def by(amplitudes: FloatArray) -> FloatArray:
+    def by(amplitudes: FloatArray) -> Drive:
         values = drive.inputs[name].copy()
         values[drive.first :] += idct(sizes * amplitudes, norm="ortho")
-        return change(replace(drive, inputs={**drive.inputs, name: values}))
+        return replace(drive, inputs={**drive.inputs, name: values})
 
     columns: list[FloatArray] = []
-    draws = 0
+    simulations = 0
     count = min(_FIRST, most)
     while True:
-        for k in range(len(columns), count):
-            only = np.zeros(ticks)
-            only[k] = _REACH
-            columns.append(by(only) / _REACH)
+        asked = [by(_REACH * _only(k, ticks)) for k in range(len(columns), count)]
+        # one draw of all the faster ones is simulated with them
+        asked += [by(np.where(np.arange(ticks) < count, 0.0, draw))] if count < most else []
+        simulations += len(asked)
+        changes = [left - base for left in residuals(asked)]
+        columns += [change / _REACH for change in changes[: count - len(columns)]]
         if count == most:
             break
-        faster = by(np.where(np.arange(ticks) < count, 0.0, draw))
-        draws += 1
+        faster = changes[-1]
         if float(faster @ faster) < SHOWS * ticks:
             break
         count = min(int(count * _FURTHER), most)
-    return columns, len(columns) + draws
+    return columns, simulations
+
+
+def _only(k: int, ticks: int) -> FloatArray:
+    """Return amplitudes of cosines of which one is 1."""
+    amplitudes = np.zeros(ticks)
+    amplitudes[k] = 1.0
+    return amplitudes

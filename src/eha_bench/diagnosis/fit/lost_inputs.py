@@ -9,14 +9,14 @@ begins. Those whose guesses together make less than the noise are left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.lost_inputs import LostValues
-from eha_bench.diagnosis.fit.input_noise import SHOWS, InputNoise
+from eha_bench.diagnosis.fit.input_noise import SHOWS, InputNoise, Residuals
 from eha_bench.plants.plant import Drive
 
 _APART = 0.4
@@ -46,16 +46,16 @@ def lost_input_noise(
     begin: int,
     times: FloatArray,
     vector: FloatArray,
-    residual: Callable[[Drive], FloatArray],
+    residuals: Residuals,
 ) -> InputNoise:
     """Return what messages of inputs that were lost do to a window's residual.
 
     Args:
         drive: of the window. unsure: input -> its values that were not logged.
         begin: tick of the run at which the drive begins. times: (N,) s of the residual's rows.
-        vector: of the plant. residual: (N,) weighted by its own noise, of the window under a drive.
+        vector: of the plant. residuals: of the window.
     """
-    _, columns, simulations = _responses(drive, unsure, begin, times, residual)
+    _, columns, simulations = _responses(drive, unsure, begin, times, residuals)
     return InputNoise(columns, vector, simulations)
 
 
@@ -63,7 +63,7 @@ def at_their_best(
     drive: Drive,
     unsure: Mapping[str, LostValues],
     times: FloatArray,
-    residual: Callable[[Drive], FloatArray],
+    residuals: Residuals,
 ) -> Drive:
     """Return a whole run's drive with lost values as its readings ask for, within their spreads.
 
@@ -71,13 +71,14 @@ def at_their_best(
 
     Args:
         drive: of the run. unsure: input -> its values that were not logged.
-        times: (N,) s of the residual's rows. residual: (N,) weighted by its noise, under a drive.
+        times: (N,) s of the residual's rows. residuals: of the run.
     """
-    pulses, columns, _ = _responses(drive, unsure, 0, times, residual)
+    pulses, columns, _ = _responses(drive, unsure, 0, times, residuals)
     if not pulses:
         return drive
     stacked = np.vstack([columns, np.eye(len(pulses))])
-    found = -np.linalg.lstsq(stacked, np.append(residual(drive), np.zeros(len(pulses))))[0]
+    (now,) = residuals([drive])
+    found = -np.linalg.lstsq(stacked, np.append(now, np.zeros(len(pulses))))[0]
     return _with(drive, pulses, np.clip(found, -_FURTHEST, _FURTHEST))
 
 
@@ -102,7 +103,7 @@ def _responses(
     unsure: Mapping[str, LostValues],
     begin: int,
     times: FloatArray,
-    residual: Callable[[Drive], FloatArray],
+    residuals: Residuals,
 ) -> tuple[list[_Pulse], FloatArray, int]:
     """Return lost messages that show, what each does, (N, k), and how many simulations it took."""
     items = [
@@ -114,29 +115,25 @@ def _responses(
     items.sort(key=lambda item: -abs(item.spread))
     if not items:
         return [], np.zeros((times.size, 0)), 0
-    base = residual(drive)
-    simulations = 1
-
-    def change(chosen: list[_Pulse], signs: FloatArray) -> FloatArray:
-        return residual(_with(drive, chosen, signs)) - base
-
     signs = np.random.default_rng(0).choice([-1.0, 1.0], len(items))
-    count = 0
-    while count < len(items):
-        left = change(items[count:], signs[count:])
-        simulations += 1
-        if float(left @ left) < SHOWS * drive.time.size:
-            break
+    base, left = residuals([drive, _with(drive, items, signs)])
+    simulations, count = 2, 0
+    while float((left - base) @ (left - base)) >= SHOWS * drive.time.size:
         count = min(max(_FEWER * count, _FEWER), len(items))
+        if count == len(items):
+            break
+        (left,) = residuals([_with(drive, items[count:], signs[count:])])
+        simulations += 1
     columns: list[FloatArray] = []
     pulses: list[_Pulse] = []
-    for batch in _apart(items[:count], drive.time):
-        moved = change(batch, np.ones(len(batch)))
-        simulations += 1
+    batches = _apart(items[:count], drive.time)
+    simulations += len(batches)
+    all_moved = residuals([_with(drive, batch, np.ones(len(batch))) for batch in batches])
+    for batch, moved in zip(batches, all_moved, strict=True):
         pulses += batch
         begins = [float(drive.time[item.tick]) for item in batch]
         for start, stop in zip(begins, [*begins[1:], np.inf], strict=True):
-            columns.append(np.where((times >= start) & (times < stop), moved, 0.0))
+            columns.append(np.where((times >= start) & (times < stop), moved - base, 0.0))
     return pulses, np.array(columns).reshape(len(columns), times.size).T, simulations
 
 

@@ -327,8 +327,8 @@ class Problem:
         part.offset = columns @ part.moved if part.moved is not None else None
         readings = WindowReadings((part,), len(self.plant.outputs))
 
-        def of_drive(drive: Drive) -> FloatArray:
-            return self._of_drive(part, drive, readings, in_run)
+        def of_drives(drives: Sequence[Drive]) -> list[FloatArray]:
+            return self._of_drives(part, drives, readings, in_run)
 
         further = 0.0
         if (noise := part.window.measured.input_noise) and part.shaken is None:
@@ -337,7 +337,7 @@ class Problem:
                 noise,
                 part.window.measured.colours,
                 vector,
-                of_drive,
+                of_drives,
             )
             further = part.shaken.simulations * part.length
         if (unsure := part.window.measured.unsure) and part.lost is None:
@@ -347,7 +347,7 @@ class Problem:
                 part.window.first - part.drive.first,
                 part.drive.time[part.drive.first + part.pick // part.columns.size],
                 vector,
-                of_drive,
+                of_drives,
             )
             further += part.lost.simulations * part.length
         self._span(part, columns)
@@ -637,14 +637,16 @@ class Problem:
                         start[name] = start.get(name, 0.0) + float(z) * spread
         return starts
 
-    def _of_drive(
-        self, part: Prepared, drive: Drive, readings: WindowReadings, in_run: _InRuns
-    ) -> FloatArray:
-        """Return a window's weighted residual under another drive, (N,)."""
+    def _of_drives(
+        self, part: Prepared, drives: Sequence[Drive], readings: WindowReadings, in_run: _InRuns
+    ) -> list[FloatArray]:
+        """Return a window's weighted residual under each of some other drives, (N,)."""
         plant = in_run.plant_of(part)
-        (start,) = self._starts([part], Drives((drive,)), plant)
-        simulated = plant.simulate(drive, start, self.step)
-        return readings.left([simulated], np.zeros(1, dtype=np.intp), in_run.lateness)
+        laid_out = Drives(tuple(drives))
+        starts = self._starts([part] * len(drives), laid_out, plant)
+        simulated = plant.simulate_each(laid_out, range(len(drives)), starts, self.step)
+        windows = np.zeros(len(drives), dtype=np.intp)
+        return readings.each(readings.left(simulated, windows, in_run.lateness), windows)
 
 
 @cache

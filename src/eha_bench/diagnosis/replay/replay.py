@@ -247,7 +247,10 @@ def _with_lost_inputs(
     held = with_held(drive, measured.unsure)
     if held is not None and cost(held) < cost(drive):
         drive = held
-    return replace(measured, inputs=at_their_best(drive, measured.unsure, times, residual).inputs)
+    best = at_their_best(
+        drive, measured.unsure, times, lambda drives: [residual(item) for item in drives]
+    )
+    return replace(measured, inputs=best.inputs)
 
 
 def _spreads(

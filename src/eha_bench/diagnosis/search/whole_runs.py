@@ -4,7 +4,8 @@ Each window has a start state of its own, which takes what is slow: a weight and
 larger one way may leave the same in windows, and part over a run. A whole run adds every error up.
 So it says more where a model holds over it, down to white noise, and a likelihood ratio counts
 there: what it speaks against is out, and what it does not tell apart is equivalent, also where
-windows, whose start states are read off, prefer one. Where none does, it only says that every form is a little off, and what windows say stands.
+windows, whose start states are read off, prefer one. Where none does, it only says that every form
+is a little off, and what windows say stands.
 """
 
 from __future__ import annotations
