@@ -158,6 +158,7 @@ class Excess:
         by_channel: channel -> mean square.
         bursts: correlation of neighbouring squares, in standard deviations of none, of the channel
             where it is largest (Engle's test: Econometrica 50 (1982) 987, doi:10.2307/1912773).
+        against_beliefs: cost of parameters that are away from what is believed of them.
     """
 
     total: float
@@ -165,6 +166,7 @@ class Excess:
     significance: float
     by_channel: Mapping[str, float]
     bursts: float = 0.0
+    against_beliefs: float = 0.0
 
     @property
     def relative(self) -> float:
@@ -204,12 +206,14 @@ def excess(problem: Problem, fit: Fit) -> Excess:
     for channel, part in parts:
         sums.setdefault(names[channel], []).append(float(np.mean(part**2)))
     floor = SOFT_MEAN * (problem.size - len(fit.free))
+    beliefs, _ = soften(fit.residual[fit.residual.size - fit.beliefs :], fit.soft)
     return Excess(
         fit.cost - floor,
         problem.size,
         float(significance),
         {name: float(np.mean(values)) for name, values in sums.items()},
         bursts,
+        float(beliefs @ beliefs),
     )
 
 
@@ -332,6 +336,8 @@ def compare(
     counted = max(_COUNTED, float(np.mean(totals <= 0.0)))
     p_value = min(float(ndtr(-gain_out / spread)), counted)
     per_run = np.array([float(difference[rows].sum()) for rows in groups.runs])
+    # beliefs are of no run: each has its part of what they gain
+    per_run += (gain_out - per_run.sum()) / max(per_run.size, 1)
     # where there is hardly any excess, shares of it mean nothing
     scale = max(excess_before, gain, 1.0)
     # runs in which a candidate does nothing have no say: a load does not act on a locked piston

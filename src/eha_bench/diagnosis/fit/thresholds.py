@@ -204,8 +204,13 @@ class Thresholds:
         return rest.significance > self.structure
 
     def is_worth_a_look(self, rest: Excess) -> bool:
-        """Whether enough is left to distinguish another cause from what a fit leaves over."""
-        return rest.relative > self.look and self.has_structure(rest)
+        """Whether enough is left to distinguish another cause from what a fit leaves over.
+
+        Or it left nothing by going far from what is believed of its parameters: they imitate what
+        is missing.
+        """
+        seen = rest.relative > self.look and self.has_structure(rest)
+        return seen or rest.against_beliefs > self.gain
 
     def least_share(self, before: Excess) -> float:
         """Return the least share that an effect takes of an excess."""

@@ -1,0 +1,68 @@
+"""What a candidate gains, on readings and by parameters that stay where they are believed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.experiment_rigs import rigs_of
+
+from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.fit.evidence import Excess, Groups, compare
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
+
+RUNS, BLOCKS, ROWS = 4, 10, 20
+SIZE = RUNS * BLOCKS * ROWS
+
+
+def fitted(readings: np.ndarray, *beliefs: float) -> Fit:
+    """A fit that left so much of its readings and beliefs."""
+    residual = np.append(readings, beliefs)
+    return Fit(np.zeros(1), (), residual, np.zeros((residual.size, 0)), 0.0, beliefs=len(beliefs))
+
+
+@pytest.fixture
+def groups() -> Groups:
+    rows = np.arange(SIZE)
+    return Groups(tuple(np.split(rows, RUNS)), tuple(np.split(rows, RUNS * BLOCKS)))
+
+
+def test_a_cause_that_leaves_parameters_where_they_are_believed_gains(groups: Groups) -> None:
+    """The readings hardly change: of four runs two are fitted a little worse."""
+    left = np.random.default_rng(0).standard_normal(SIZE)
+    other = left * np.repeat([0.9999, 1.0001, 0.9999, 1.0001], SIZE // RUNS)
+    found = compare(fitted(left, 20.0), fitted(other, 0.5), groups, 200.0)
+    assert DEFAULT.allow(found)
+    assert found.runs_better == 1.0
+    assert found.p_value < 1e-9
+    # the other way round it loses by as much
+    assert not DEFAULT.allow(compare(fitted(other, 0.5), fitted(left, 20.0), groups, 200.0))
+
+
+def test_what_most_runs_speak_against_is_no_gain(groups: Groups) -> None:
+    left = np.random.default_rng(0).standard_normal(SIZE)
+    other = left * np.repeat([0.5, 1.05, 1.05, 1.05], SIZE // RUNS)
+    found = compare(fitted(left), fitted(other), groups, 200.0)
+    assert found.gain > DEFAULT.gain
+    assert found.runs_better == 0.25
+    assert not DEFAULT.allow(found)
+
+
+def test_parameters_far_from_what_is_believed_are_worth_a_look() -> None:
+    """They may imitate what is missing, down to the noise."""
+    assert not DEFAULT.is_worth_a_look(Excess(0.0, SIZE, 0.0, {}))
+    assert not DEFAULT.is_worth_a_look(Excess(0.0, SIZE, 0.0, {}, against_beliefs=20.0))
+    assert DEFAULT.is_worth_a_look(Excess(0.0, SIZE, 0.0, {}, against_beliefs=40.0))
+
+
+@pytest.mark.slow
+def test_a_delay_that_a_slower_spool_imitates_is_found_by_what_is_believed_of_the_spool(
+    tmp_path: Path,
+) -> None:
+    """One sine: with a natural frequency five tolerances off the model fits down to the noise."""
+    rig = rigs_of("valve_cylinder", foreign=False)["command_delay"](1200)
+    found = diagnose(rig.record_first(tmp_path), tmp_path / "found")
+    left = {item.cause for item in found.rivals if item.standing != "runner_up"}
+    assert left == {"command_delay", "valve_lag"}
