@@ -120,8 +120,12 @@ def test_what_lost_messages_do_is_what_each_alone_does() -> None:
 def test_what_does_next_to_nothing_is_left_out() -> None:
     unsure = LostValues(np.arange(10, 1990, 10), np.arange(11, 1991, 10), np.full(198, 1e-4))
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
-    found = lost_input_noise(drive, {"current_command": unsure}, 0, TIME, np.ones(1),
-                 lambda drives: [d.inputs["current_command"] for d in drives])  # fmt: skip
+
+    def residuals(drives: Sequence[Drive]) -> list[np.ndarray]:
+        assert drives
+        return [drive.inputs["current_command"] for drive in drives]
+
+    found = lost_input_noise(drive, {"current_command": unsure}, 0, TIME, np.ones(1), residuals)
     assert found.columns.shape == (TIME.size, 0)
     assert found.simulations == 2
 

@@ -57,6 +57,19 @@ def test_a_slope_of_what_is_declared_as_nothing_does_not_hang_on_a_guessed_scale
     assert np.allclose(found[:, 0], 1e16, rtol=0.2)
 
 
+class Cliff(Line):
+    """A residual that hardly moves, and from some value on runs away."""
+
+    def residual(self, vector):
+        return np.full(4, 1e9 if vector[0] > 1e-6 else 1e-3 * vector[0])
+
+
+def test_a_slope_ends_where_no_difference_is_between_nothing_and_absurd() -> None:
+    problem, vector = Cliff(), np.array([0.0])
+    found = jacobian(problem, vector, [Free("phase", 0, 0.0, 1.0, 1.0)], problem.residual(vector))
+    assert np.allclose(found[:, 0], 1e-3)
+
+
 def test_the_scale_of_what_is_declared_as_nothing_is_what_its_kind_usually_has(tmp_path) -> None:
     text = (EXAMPLES / "G" / "plant.yaml").read_text(encoding="utf-8")
     leak, belief = "conductance: 1e-12 m^3/(s*Pa)", "piston_leakage.conductance, within: 10 %"

@@ -49,6 +49,51 @@ def test_a_single_recording_stays_as_it_is() -> None:
     assert not found.taken
 
 
+def _interleaved(lost: float) -> Recording:
+    """A table with rows of a drive, and rows of an encoder 0.4 ms later."""
+    clock = np.arange(COUNT) * PERIOD
+    rows = np.sort(np.append(clock, clock + 0.4e-3))
+    values = {name: _speed(rows) for name in ("current_command", "pressure_a", "motor_angle")}
+    values["current_command"][1::2] = values["pressure_a"][1::2] = np.nan
+    values["motor_angle"][::2] = np.nan
+    kept = np.random.default_rng(0).random(rows.size) >= lost
+    kept[[0, 1, -2, -1]] = True
+    return Recording(rows[kept], {name: own[kept] for name, own in values.items()})
+
+
+def test_cells_that_are_empty_in_rows_of_another_clock_are_no_lost_messages() -> None:
+    names = ["current_command", "pressure_a", "motor_angle"]
+    found = on_ticks([_interleaved(0.0)], names[:1], names[1:])
+    assert found.is_of_several
+    assert not found.lost["current_command"].any()
+    assert np.isfinite(found.recording["current_command"]).all()
+    assert np.isfinite(found.recording["motor_angle"]).sum() == COUNT
+    # one per cent of the rows lost: as many messages
+    some = on_ticks([_interleaved(0.01)], names[:1], names[1:])
+    assert some.lost["current_command"].sum() == pytest.approx(0.01 * COUNT, rel=0.4)
+
+
+@pytest.mark.parametrize("late", [0.4e-3, 2e-3])
+def test_what_is_always_off_the_commands_by_the_same_may_be_stamped_so(late: float) -> None:
+    """Also where it is off by so much that it has ticks of its own."""
+    clock = np.arange(COUNT) * 4e-3
+    asked = Recording(clock, {"current_command": np.zeros(COUNT)})
+    found = on_ticks([asked, Recording(clock + late, {"motor_angle": _speed(clock)})],
+                     ["current_command"], ["motor_angle"])  # fmt: skip
+    assert found.late == {"motor_angle": "motor_angle"}
+    good = np.isfinite(found.recording["motor_angle"])
+    taken = found.recording.time[good] + found.taken["motor_angle"][good]
+    assert taken == pytest.approx(clock[: taken.size] + late, abs=1e-9)
+
+
+def test_an_input_that_fails_for_a_while_stays_in_its_table() -> None:
+    time = np.arange(COUNT) * PERIOD
+    values = {name: _speed(time) for name in ("current_command", "motor_speed")}
+    values["current_command"][1000:2000] = np.nan
+    alone = Recording(time, values)
+    assert on_ticks([alone], ["current_command"], ["motor_speed"]).recording is alone
+
+
 def test_a_plain_log_comes_back_onto_its_ticks() -> None:
     log = _Log()
     asked = log.add("current_command", lost=0.01, jitter=60e-6)

@@ -32,6 +32,10 @@ _FURTHEST = 0.5e-3
 """Largest distance of a sample from its tick, s: a simulation is taken to be straight so far."""
 _PERIODIC = 0.25
 """What most steps of a topic that ticks regularly differ by from the usual one, as a share."""
+_OTHERS = 0.1
+"""Share of a table's rows without an input from which these are rows of another clock."""
+_ALIKE = 0.1
+"""Share of the rows of two channels that have only one of them, up to which both tick together."""
 _LOST = 20
 """Most messages in a row that a regular topic may lose and still have lost them."""
 
@@ -87,6 +91,8 @@ def on_ticks(
         inputs: channels that drive a model. outputs: channels that are compared with it.
     """
     if len(topics) == 1:
+        topics = _interleaved(topics[0], inputs)
+    if len(topics) == 1:
         return _with_lost_rows(topics[0])
     wanted = {*inputs, *outputs}
     used = [_topic(item, wanted) for item in topics if wanted & {*item.values}]
@@ -99,7 +105,7 @@ def on_ticks(
         driving = [max(placed, key=lambda item: item.time.size)]
         beside = [item for item in placed if item is not driving[0]]
     period = min(_usual(item.time) for item in placed)
-    ticks = _driving_ticks(driving, _SAME * period)
+    ticks = asked = _driving_ticks(driving, _SAME * period)
     reach = min(0.5 * _usual(ticks), _FURTHEST)
     for item in sorted(beside, key=lambda item: -item.time.size):
         ticks = _with_own(ticks, item.time, reach)
@@ -113,7 +119,7 @@ def on_ticks(
         after = item.time - ticks[at]
         same = float(np.quantile(np.abs(after), _USUALLY)) <= _SAME * period
         offsets = np.zeros(ticks.size)
-        if item not in driving and not same:
+        if item not in driving and (not same or _is_off(asked, item.time, _SAME * period)):
             offsets[at] = after
             taken |= dict.fromkeys(item.names, offsets)
             late |= dict.fromkeys(item.names, item.names[0])
@@ -147,6 +153,49 @@ def on_ticks(
         {name: mask[kept] for name, mask in lost.items()},
         is_of_several=True,
     )
+
+
+def _interleaved(table: Recording, inputs: Collection[str]) -> list[Recording]:
+    """Return the topics of a table into which several clocks were written, with empty cells.
+
+    A cell of an input that is empty in a row of another clock is no lost message.
+    """
+    there = {name: np.isfinite(values) for name, values in table.values.items()}
+    if not any(_is_between(there[name]) for name in inputs if name in there):
+        return [table]
+    groups: list[list[str]] = []
+    for name, rows in there.items():
+        for group in groups:
+            first = there[group[0]]
+            either = np.count_nonzero(rows | first)
+            if np.count_nonzero(rows ^ first) <= _ALIKE * either:
+                group.append(name)
+                break
+        else:
+            groups.append([name])
+    parts = []
+    for group in groups:
+        rows = np.any([there[name] for name in group], axis=0)
+        if rows.any():
+            values = {name: table.values[name][rows] for name in group}
+            parts.append(replace(table, time=table.time[rows], values=values))
+    return parts
+
+
+def _is_off(ticks: FloatArray, time: FloatArray, much: float) -> bool:
+    """Whether samples are off the ticks before them, always by the same."""
+    before = ticks[np.maximum(np.searchsorted(ticks, time + much, side="right") - 1, 0)]
+    low, middle, high = np.quantile(time - before, (1.0 - _USUALLY, 0.5, _USUALLY))
+    return bool(high - low <= much < middle)
+
+
+def _is_between(there: BoolArray) -> bool:
+    """Whether an input has its rows between those of others; what fails for a while has not."""
+    rows = np.flatnonzero(there)
+    if not 0 < rows.size < (1.0 - _OTHERS) * there.size:
+        return False
+    empty = np.diff(rows) - 1
+    return bool(empty[empty <= _LOST].sum() > (1.0 - _OTHERS) * empty.sum())
 
 
 def _with_lost_rows(table: Recording) -> Sampled:

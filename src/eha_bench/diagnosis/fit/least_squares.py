@@ -199,7 +199,7 @@ def _slope(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -
     for well determined. That threatens effects, which may be hardly there at all.
     """
     enough = problem.soft * (_STANDS_OUT if item.of_effect else _SHOWS)
-    relative = _DIFFERENCE
+    relative, absurd = _DIFFERENCE, np.inf
     while True:
         step = _within(relative * item.scale, vector[item.at], item)
         if step == 0.0:
@@ -209,11 +209,13 @@ def _slope(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -
         change = problem.residual(moved) - base
         size = float(np.linalg.norm(change))
         if vector[item.at] == 0.0 and size > _ABSURD * enough and relative > _SMALLEST_DIFFERENCE:
-            relative *= _FINER  # nothing was declared: its scale is a guess
+            # nothing was declared: its scale is a guess
+            absurd, relative = relative, relative * _FINER
             continue
-        if size >= enough or relative >= _LARGEST_DIFFERENCE:
+        wider = min(_LARGEST_DIFFERENCE, relative * max(enough / max(size, 1e-300), 2.0))
+        if size >= enough or relative >= _LARGEST_DIFFERENCE or wider >= absurd:
             return np.asarray(change * (item.scale / step), dtype=np.float64)
-        relative = min(_LARGEST_DIFFERENCE, relative * max(enough / max(size, 1e-300), 2.0))
+        relative = wider
 
 
 def _within(step: float, value: float, item: Free) -> float:

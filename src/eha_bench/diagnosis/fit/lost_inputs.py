@@ -128,8 +128,8 @@ def _responses(
     pulses: list[_Pulse] = []
     batches = _apart(items[:count], drive.time)
     simulations += len(batches)
-    all_moved = residuals([_with(drive, batch, np.ones(len(batch))) for batch in batches])
-    for batch, moved in zip(batches, all_moved, strict=True):
+    moved_by = [_with(drive, batch, np.ones(len(batch))) for batch in batches]
+    for batch, moved in zip(batches, residuals(moved_by) if batches else [], strict=True):
         pulses += batch
         begins = [float(drive.time[item.tick]) for item in batch]
         for start, stop in zip(begins, [*begins[1:], np.inf], strict=True):

@@ -211,11 +211,16 @@ class Writer:
         return dry or not self.hooks.is_empty
 
     def _creep(self, item: Coordinate) -> str:
-        """Expression of the speed over which friction creeps, "" where it never does."""
-        for part, term, _ in self.system.terms(item, Friction):
-            if term.creep:
-                return self.system.parameter(part.name, term.creep) or ""
-        return ""
+        """Expression of the coordinate's speed over which friction creeps, "" where it never does.
+
+        Of several frictions on one coordinate that creep, the softest one: each lets it move.
+        """
+        speeds = [
+            f"{speed} / abs({ratio})" if ratio else speed
+            for part, term, ratio in self.system.terms(item, Friction)
+            if term.creep and (speed := self.system.parameter(part.name, term.creep))
+        ]
+        return speeds[0] if len(speeds) == 1 else f"max({', '.join(speeds)})" if speeds else ""
 
     def _direction(self, item: Coordinate) -> None:
         n = item.number
