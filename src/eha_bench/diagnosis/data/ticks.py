@@ -106,9 +106,11 @@ def on_ticks(
         beside = [item for item in placed if item is not driving[0]]
     period = min(_usual(item.time) for item in placed)
     ticks = asked = _driving_ticks(driving, _SAME * period)
-    reach = min(0.5 * _usual(ticks), _FURTHEST)
+    near = 0.5 * _usual(ticks)
+    # what is off by always the same keeps no ticks of its own: noise is told from tick to tick
+    off = {id(item) for item in beside if _is_off(asked, item.time, _SAME * period)}
     for item in sorted(beside, key=lambda item: -item.time.size):
-        ticks = _with_own(ticks, item.time, reach)
+        ticks = _with_own(ticks, item.time, near if id(item) in off else min(near, _FURTHEST))
     values: dict[str, FloatArray] = {}
     taken: dict[str, FloatArray] = {}
     late: dict[str, str] = {}
@@ -119,7 +121,7 @@ def on_ticks(
         after = item.time - ticks[at]
         same = float(np.quantile(np.abs(after), _USUALLY)) <= _SAME * period
         offsets = np.zeros(ticks.size)
-        if item not in driving and (not same or _is_off(asked, item.time, _SAME * period)):
+        if item not in driving and not same:
             offsets[at] = after
             taken |= dict.fromkeys(item.names, offsets)
             late |= dict.fromkeys(item.names, item.names[0])
