@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eha_bench import recordings
+from eha_bench.core.errors import RecordingError
 from eha_bench.recordings.tables.csv_layout import CsvLayout
 
 NAMES = ["zeit", "i_A", "p1", "Kommentar", "2", "x3"]
@@ -52,6 +53,27 @@ def test_two_sensors_that_take_turns(tmp_path: Path) -> None:
     back = recordings.read(tmp_path / "a.csv", channels=mapping)
     assert np.nansum(back["current"]) == sum(range(1, 40, 2))
     assert np.nansum(back["pressure_b"]) == sum(range(0, 40, 2))
+
+
+def test_rows_of_one_stamp_that_hold_other_channels_are_joined(tmp_path: Path) -> None:
+    rows = [f"{k},{k},,\n" + (f"{k},,{k},{k}\n" if k % 3 else f"{k}.4,,{k},\n") for k in range(30)]
+    (tmp_path / "a.csv").write_text("t,i,pa,pb\n" + "".join(rows))
+    channels = {name: {"column": name[0] + name[9:]} for name in ("pressure_a", "pressure_b")}
+    channels["current"] = {"column": "i"}
+    mapping = {"time": {"column": "t", "unit": "ms"}, "channels": channels}
+    back = recordings.read(tmp_path / "a.csv", channels=mapping)
+    assert any("20 rows share the stamp" in str(note) for note in back.notes)
+    assert len(back) == 40
+    assert np.array_equal(back["current"][np.isfinite(back["current"])], np.arange(30.0))
+    assert np.nansum(back["pressure_b"]) == sum(k for k in range(30) if k % 3)
+    assert np.all(np.diff(back.time) > 0.0)
+
+
+def test_rows_of_one_stamp_that_hold_the_same_channel_are_not_joined(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,i,pa\n0,1,\n0,,2\n1,3,\n1,4,5\n2,5,6\n")
+    mapping = {"time": {"column": "t"}, "channels": {"current": {"column": "i"}}}
+    with pytest.raises(RecordingError, match="2 samples repeat the stamp"):
+        recordings.read(tmp_path / "a.csv", channels=mapping)
 
 
 def test_rows_before_the_first_sensor_speaks(tmp_path: Path) -> None:

@@ -82,6 +82,12 @@ def ordered_track(track: Track, repair: Repair, where: Place) -> tuple[Track, li
             track = track.rows(later | again)
             notes.append(f"{where}: {text}; {before - len(track)} samples were dropped")
     same = np.flatnonzero(np.diff(track.stamps) == 0)
+    if same.size and (joined := _joined(track)) is not None:
+        notes.append(
+            f"{where}: {same.size} rows share the stamp of the row before and hold other channels: "
+            "they were joined"
+        )
+        return joined, notes
     if same.size:
         text = (
             f"{same.size} samples repeat the stamp before, first at "
@@ -98,6 +104,24 @@ def ordered_track(track: Track, repair: Repair, where: Place) -> tuple[Track, li
         track = track.rows(keep)
         notes.append(f"{where}: {text}; the {repair.duplicates.value} of each was kept")
     return track, notes
+
+
+def _joined(track: Track) -> Track | None:
+    """Return a track whose rows of one stamp are one row; None where they hold the same channel.
+
+    Several clocks in one table meet now and then, each in a row of its own.
+    """
+    stamps, row = np.unique(track.stamps, return_inverse=True)
+    columns: dict[str, Column] = {}
+    for name, column in track.columns.items():
+        if column.dtype.kind != "f":
+            return None
+        there = ~np.isnan(column)
+        if np.bincount(row[there], minlength=1).max() > 1:
+            return None
+        columns[name] = np.full(stamps.size, np.nan, dtype=column.dtype)
+        columns[name][row[there]] = column[there]
+    return Track(track.name, stamps, columns, track.kinds)
 
 
 def _mend_of(stamps: Stamps, steps: int) -> str:
