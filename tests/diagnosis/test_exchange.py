@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from known_search import LinearProblem, add, assumed, refitted, search_of, shape
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.search import exchange as module
-from eha_bench.diagnosis.search.exchange import exchange
+from eha_bench.diagnosis.search.exchange import exchange, take_better_equivalents
 from eha_bench.diagnosis.search.state import Refit, Search
 
 TRUE, ALIKE, OTHER = "coulomb_friction", "current_deadband", "current_lag"
@@ -63,6 +64,30 @@ def problem(size: float = 20.0, likeness: float = 0.95, **truth: float) -> Any:
 
 def names(search: Search) -> list[str]:
     return [item.start.candidate for item in search.accepted]
+
+
+def taken_for_equal(search: Search) -> Search:
+    """Return the search with the true cause as an equivalent of the look-alike that was found."""
+    add(search, ALIKE, TRUE)
+    search.accepted = [replace(search.accepted[0], equivalent=(TRUE,))]
+    return search
+
+
+def test_an_equivalent_that_fits_clearly_better_in_the_end_takes_the_place() -> None:
+    search = taken_for_equal(search_of(problem(), "viscous_friction"))
+    before = search.fit.cost
+    take_better_equivalents(search)
+    (item,) = search.accepted
+    assert (item.start.candidate, item.equivalent) == (TRUE, ())
+    assert strength(search, search.fit, ALIKE) == 0.0
+    assert search.fit.cost < before - Thresholds().gain
+
+
+def test_an_equivalent_that_fits_as_well_stays_beside() -> None:
+    search = taken_for_equal(search_of(problem(likeness=1.0 - 1e-7), "viscous_friction"))
+    take_better_equivalents(search)
+    (item,) = search.accepted
+    assert (item.start.candidate, item.equivalent) == (ALIKE, (TRUE,))
 
 
 def test_the_wrong_look_alike_is_replaced(tried: list[Any]) -> None:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import LEARNED, Start
-from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.uncertainty import posterior
 from eha_bench.diagnosis.outcome.decide import Decision
@@ -21,8 +21,8 @@ from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.other_forms import other_forms
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rival import Rival, Standing
-from eha_bench.diagnosis.search.refit import free_of
-from eha_bench.diagnosis.search.state import Accepted, Refit, Search
+from eha_bench.diagnosis.search.exchange import fit_in_place
+from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn
 from eha_bench.plants.model import Model
@@ -84,7 +84,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
     others = [other for other in search.effects if other is not item]
     for trial in look:
         if trial.candidate in item.equivalent:
-            fit = _fit_with_swap(search, item, trial)
+            fit = fit_in_place(search, item, trial)
             added = [*(other.start.candidate for other in others), trial.candidate]
             behind = fit.cost - search.fit.cost
             yield _rival(search, fit, model, added, Standing.EQUIVALENT, behind)
@@ -106,23 +106,6 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
         # by the noise as it is told in the end; a look's costs are of the noise of before
         behind = cost_of(search.problem, trial.fit.vector) - search.fit.cost
         yield _rival(search, trial.fit, model, added, Standing.RUNNER_UP, behind)
-
-
-def _fit_with_swap(search: Search, item: Accepted, trial: Refit) -> Fit:
-    """Return the fit with a candidate in the place of what was added."""
-    vector = search.fit.vector.copy()
-    vector[item.start.strength_at] = item.start.neutral
-    for at, _ in trial.start.settings:
-        vector[at] = trial.fit.vector[at]
-    if len(search.effects) == 1:
-        # nothing came after it: its parameters are those of its fit
-        vector = trial.fit.vector.copy()
-    free = tuple(
-        free
-        for free in free_of(search, vector, [trial.start])
-        if free.key not in item.start.keys or free.key in trial.start.keys
-    )
-    return levenberg_marquardt(search.problem, vector, free, iterations=6, refresh=1)
 
 
 def _rival(

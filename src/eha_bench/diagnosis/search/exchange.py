@@ -19,8 +19,9 @@ from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good
-from eha_bench.diagnosis.search.refit import Near, polish_at_rest
+from eha_bench.diagnosis.search.refit import Near, free_of, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
+from eha_bench.diagnosis.search.yielding import yields_to
 
 _RIVALS = 3
 CLOSE = 0.4
@@ -54,6 +55,37 @@ def exchange(search: Search) -> bool:
         changed = True
     search.exchanged_from = None if changed else search.fit
     return changed
+
+
+def take_better_equivalents(search: Search) -> None:
+    """Let an equivalent take an effect's place where it fits clearly better in the end.
+
+    In a look each is refitted for so long only; fitted on, one may leave the other behind.
+    """
+    for item in list(search.effects):
+        trials = [one for one in search.look_of(item) if one.candidate in item.equivalent]
+        ends = [(trial, fit_in_place(search, item, trial)) for trial in trials]
+        if not ends:
+            continue
+        best, fit = min(ends, key=lambda end: end[1].cost)
+        others = [other.start for other in search.accepted if other is not item]
+        if (
+            fit.cost > search.fit.cost - search.thresholds.least_gain(search.excess_left)
+            or not are_inside(search, [best.start, *others], fit.vector)
+            or yields_to(search, best.candidate, fit.vector) == item.start.candidate
+        ):
+            continue
+        found = compared(search, item, fit)
+        equal = tuple(
+            trial.candidate
+            for trial, end in ends
+            if trial is not best and is_as_good(search, end, fit, found.gain)
+        )
+        if is_as_good(search, search.fit, fit, found.gain):
+            equal = (item.start.candidate, *equal)
+        place = search.accepted.index(item)
+        search.accepted[place] = Accepted(best.start, found, equal)
+        search.fit, search.excess_left = fit, excess(search.problem, fit)
 
 
 def _rivals(search: Search, item: Accepted) -> list[Start]:
@@ -98,6 +130,23 @@ def _best(
         return min(inside, key=lambda trial: trial.fit.cost, default=None)
     finally:
         search.restore(kept)
+
+
+def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:
+    """Return the fit with a candidate in the place of what was added."""
+    vector = search.fit.vector.copy()
+    vector[item.start.strength_at] = item.start.neutral
+    for at, _ in trial.start.settings:
+        vector[at] = trial.fit.vector[at]
+    if len(search.effects) == 1:
+        # nothing came after it: its parameters are those of its fit
+        vector = trial.fit.vector.copy()
+    free = tuple(
+        free
+        for free in free_of(search, vector, [trial.start])
+        if free.key not in item.start.keys or free.key in trial.start.keys
+    )
+    return levenberg_marquardt(search.problem, vector, free, iterations=6, refresh=1)
 
 
 def compared(search: Search, item: Accepted, fit: Fit) -> Improvement:

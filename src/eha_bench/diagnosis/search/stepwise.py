@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.search.backward import drop, release, review, without_idle
 from eha_bench.diagnosis.search.choice import choose, equivalents
-from eha_bench.diagnosis.search.exchange import exchange
+from eha_bench.diagnosis.search.exchange import exchange, take_better_equivalents
 from eha_bench.diagnosis.search.forms import take_best_form
 from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.look import is_worth_a_look, look
@@ -48,6 +48,7 @@ def run(search: Search, progress: ProgressHook) -> None:
             if search.excess_left.relative > kept.excess_left.relative:
                 search.restore(kept)
     release(search)
+    take_better_equivalents(search)
     compare_over_whole_runs(search)
     progress("search", 1.0)
 
