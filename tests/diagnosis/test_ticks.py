@@ -49,12 +49,13 @@ def test_a_single_recording_stays_as_it_is() -> None:
     assert not found.taken
 
 
-def _interleaved(lost: float) -> Recording:
-    """A table with rows of a drive, and rows of an encoder 0.4 ms later."""
+def _interleaved(lost: float, *, slow: int = 2) -> Recording:
+    """A table with rows of a drive, its pressure in one of `slow`, and of an encoder behind."""
     clock = np.arange(COUNT) * PERIOD
     rows = np.sort(np.append(clock, clock + 0.4e-3))
     values = {name: _speed(rows) for name in ("current_command", "pressure_a", "motor_angle")}
-    values["current_command"][1::2] = values["pressure_a"][1::2] = np.nan
+    values["current_command"][1::2] = np.nan
+    values["pressure_a"][np.arange(rows.size) % slow > 0] = np.nan
     values["motor_angle"][::2] = np.nan
     kept = np.random.default_rng(0).random(rows.size) >= lost
     kept[[0, 1, -2, -1]] = True
@@ -68,6 +69,9 @@ def test_cells_that_are_empty_in_rows_of_another_clock_are_no_lost_messages() ->
     assert not found.lost["current_command"].any()
     assert np.isfinite(found.recording["current_command"]).all()
     assert np.isfinite(found.recording["motor_angle"]).sum() == COUNT
+    # a sensor at half the rate has rows of the drive
+    slow = on_ticks([_interleaved(0.0, slow=4)], names[:1], names[1:])
+    assert slow.late.keys() == {"motor_angle"}
     # one per cent of the rows lost: as many messages
     some = on_ticks([_interleaved(0.01)], names[:1], names[1:])
     assert some.lost["current_command"].sum() == pytest.approx(0.01 * COUNT, rel=0.4)

@@ -35,7 +35,7 @@ _PERIODIC = 0.25
 _OTHERS = 0.1
 """Share of a table's rows without an input from which these are rows of another clock."""
 _ALIKE = 0.1
-"""Share of the rows of two channels that have only one of them, up to which both tick together."""
+"""Share of a channel's rows without another one up to which both tick together."""
 _LOST = 20
 """Most messages in a row that a regular topic may lose and still have lost them."""
 
@@ -166,11 +166,11 @@ def _interleaved(table: Recording, inputs: Collection[str]) -> list[Recording]:
     if not any(_is_between(there[name]) for name in inputs if name in there):
         return [table]
     groups: list[list[str]] = []
-    for name, rows in there.items():
+    for name in sorted(there, key=lambda name: -np.count_nonzero(there[name])):
+        rows = there[name]
         for group in groups:
-            first = there[group[0]]
-            either = np.count_nonzero(rows | first)
-            if np.count_nonzero(rows ^ first) <= _ALIKE * either:
+            # a slower channel has some of the rows of a faster one
+            if np.count_nonzero(rows & ~there[group[0]]) <= _ALIKE * np.count_nonzero(rows):
                 group.append(name)
                 break
         else:
