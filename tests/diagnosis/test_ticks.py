@@ -77,10 +77,10 @@ def test_cells_that_are_empty_in_rows_of_another_clock_are_no_lost_messages() ->
     assert some.lost["current_command"].sum() == pytest.approx(0.01 * COUNT, rel=0.4)
 
 
-@pytest.mark.parametrize("late", [0.4e-3, 2e-3])
+@pytest.mark.parametrize("late", [0.4e-3, 2e-3, 3e-3])
 def test_what_is_always_off_the_commands_by_the_same_may_be_stamped_so(late: float) -> None:
     """Also where it is off by so much that it has ticks of its own."""
-    clock = np.arange(COUNT) * 4e-3
+    clock = np.arange(COUNT) * 4e-3 + 1e-3 * np.random.default_rng(0).random(COUNT)
     asked = Recording(clock, {"current_command": np.zeros(COUNT)})
     found = on_ticks([asked, Recording(clock + late, {"motor_angle": _speed(clock)})],
                      ["current_command"], ["motor_angle"])  # fmt: skip
@@ -88,6 +88,7 @@ def test_what_is_always_off_the_commands_by_the_same_may_be_stamped_so(late: flo
     good = np.isfinite(found.recording["motor_angle"])
     taken = found.recording.time[good] + found.taken["motor_angle"][good]
     assert taken == pytest.approx(clock[: taken.size] + late, abs=1e-9)
+    assert found.recording.time.size == taken.size, "none has a tick of its own"
 
 
 def test_an_input_that_fails_for_a_while_stays_in_its_table() -> None:

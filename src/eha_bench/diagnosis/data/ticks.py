@@ -108,16 +108,17 @@ def on_ticks(
     ticks = asked = _driving_ticks(driving, _SAME * period)
     near = 0.5 * _usual(ticks)
     # what is off by always the same keeps no ticks of its own: noise is told from tick to tick
-    off = {id(item) for item in beside if _is_off(asked, item.time, _SAME * period)}
+    behind = {id(item): _behind(asked, item.time, _SAME * period) for item in beside}
     for item in sorted(beside, key=lambda item: -item.time.size):
-        ticks = _with_own(ticks, item.time, near if id(item) in off else min(near, _FURTHEST))
+        own = behind[id(item)]
+        ticks = _with_own(ticks, item.time - own, near if own else min(near, _FURTHEST))
     values: dict[str, FloatArray] = {}
     taken: dict[str, FloatArray] = {}
     late: dict[str, str] = {}
     lost: dict[str, BoolArray] = {}
     firsts, lasts = [], []
     for item in placed:
-        at = nearest(ticks, item.time)
+        at = nearest(ticks, item.time - behind.get(id(item), 0.0))
         after = item.time - ticks[at]
         same = float(np.quantile(np.abs(after), _USUALLY)) <= _SAME * period
         offsets = np.zeros(ticks.size)
@@ -184,11 +185,13 @@ def _interleaved(table: Recording, inputs: Collection[str]) -> list[Recording]:
     return parts
 
 
-def _is_off(ticks: FloatArray, time: FloatArray, much: float) -> bool:
-    """Whether samples are off the ticks before them, always by the same."""
+def _behind(ticks: FloatArray, time: FloatArray, much: float) -> float:
+    """Return by how much samples are always behind ticks, s; 0 where that is little or changes."""
     before = ticks[np.maximum(np.searchsorted(ticks, time + much, side="right") - 1, 0)]
-    low, middle, high = np.quantile(time - before, (1.0 - _USUALLY, 0.5, _USUALLY))
-    return bool(high - low <= much < middle)
+    usual = float(np.median(time - before))
+    left = time - usual - ticks[nearest(ticks, time - usual)]
+    always = float(np.quantile(np.abs(left), _USUALLY)) <= much
+    return usual if always and usual > much else 0.0
 
 
 def _is_between(there: BoolArray) -> bool:
