@@ -29,6 +29,24 @@ def test_what_was_sampled_regularly_is_put_back_on_its_clock(gaps: bool) -> None
     assert np.abs(found - tick * PERIOD).max() < 0.02 * PERIOD
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_clock_is_seen_where_stamps_scatter_by_an_eighth_of_its_period(seed: int) -> None:
+    """One in a hundred samples lost; two in a row may lie next to the same tick."""
+    rng = np.random.default_rng(seed)
+    tick = np.arange(9000.0)[rng.random(9000) > 0.01]
+    stamps = np.sort(tick * PERIOD + 0.12 * PERIOD * rng.standard_normal(tick.size))
+    position = 0.02 * np.sin(20.0 * tick * PERIOD) + 1e-7 * rng.standard_normal(tick.size)
+    found = regular_clock(stamps, [position])
+    assert found is not None
+    assert np.abs(found - found[0] - (tick - tick[0]) * PERIOD).max() < 0.02 * PERIOD
+
+
+def test_what_comes_in_bursts_has_no_clock() -> None:
+    bursts = np.concatenate([k + np.arange(80) * 1e-6 for k in range(40)])
+    uneven = np.concatenate([bursts, 40.0 + np.arange(4000) * PERIOD])
+    assert regular_clock(uneven, [np.sin(uneven)]) is None
+
+
 @pytest.mark.parametrize("gaps", [False, True])
 def test_stamps_that_the_readings_follow_are_kept(gaps: bool) -> None:
     _, stamps, position = _logged(late=1e-4, stamps_are_true=True, gaps=gaps)

@@ -22,6 +22,9 @@ _BESIDE = 0.3
 _NOTICED = 1e-3
 """And at least, in periods, to be worth it."""
 _FEWEST = 50
+_ROUNDS = 3
+_SHARED = 1e-3
+"""Share of the samples whose stamps may scatter so far that two are next to one tick."""
 DECISIVE = 20.0
 """Least sum of squares that tells 0 from 1: noise is 0.4 of its unit, so the slope's error 0.1."""
 
@@ -107,17 +110,42 @@ def clock_beside(time: FloatArray) -> RegularClock | None:
     usual = float(np.median(steps))
     if usual <= 0.0:
         return None
-    # samples that are missing leave their ticks out
-    tick = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
-    for _ in range(2):
-        slope, first = np.polyfit(tick, time, 1)
-        tick = np.rint((time - first) / slope)
-        tick -= tick[0]
-    if np.diff(tick).min() < 1.0:
+    slope, first = usual, float(time[0])
+    count = _FEWEST
+    while True:
+        # counted from a few samples on, twice as many at a time: where stamps scatter, one step
+        # that is rounded to the wrong tick would shift all that follow
+        for _ in range(_ROUNDS):
+            tick = np.rint((time[:count] - first) / slope)
+            if not np.ptp(tick) > 0.0:
+                return None
+            slope, first = np.polyfit(tick, time[:count], 1)
+        if count == time.size or not slope > 0.0:
+            break
+        count = min(2 * count, time.size)
+    if tick.size < time.size or not _parted(tick):
         return None
+    tick -= tick[0]
     slope, first = (float(value) for value in np.polyfit(tick, time, 1))
     clock = RegularClock(tick, slope, first, time - (first + slope * tick))
     return clock if clock.beside < _BESIDE * slope else None
+
+
+def _parted(tick: FloatArray) -> bool:
+    """Give samples that are next to the same tick one each, in place; return whether that can be.
+
+    Args:
+        tick: (n,) whole numbers, in the order of the stamps.
+    """
+    shared = np.flatnonzero(np.diff(tick) < 1.0)
+    if shared.size > _SHARED * tick.size:
+        return False
+    for at in shared:
+        if at + 2 == tick.size or tick[at + 1] + 1.0 < tick[at + 2]:
+            tick[at + 1] += 1.0
+        elif at == 0 or tick[at] - 1.0 > tick[at - 1]:
+            tick[at] -= 1.0
+    return bool(np.diff(tick).min() >= 1.0)
 
 
 def clock_evidence(clock: RegularClock, channels: Sequence[FloatArray]) -> ClockEvidence:
