@@ -77,6 +77,16 @@ def test_cells_that_are_empty_in_rows_of_another_clock_are_no_lost_messages() ->
     assert some.lost["current_command"].sum() == pytest.approx(0.01 * COUNT, rel=0.4)
 
 
+def test_a_command_in_some_of_a_tables_rows_acts_until_its_next() -> None:
+    time = np.arange(COUNT) * PERIOD
+    values = {name: _speed(time) for name in ("current_command", "motor_speed")}
+    values["current_command"][np.arange(COUNT) % 4 > 0] = np.nan
+    found = on_ticks([Recording(time, values)], ["current_command"], ["motor_speed"])
+    assert not found.lost["current_command"].any()
+    assert np.isfinite(found.recording["motor_speed"]).all()
+    assert np.isfinite(found.recording["current_command"]).sum() == COUNT // 4
+
+
 @pytest.mark.parametrize("late", [0.4e-3, 2e-3, 3e-3])
 def test_what_is_always_off_the_commands_by_the_same_may_be_stamped_so(late: float) -> None:
     """Also where it is off by so much that it has ticks of its own."""

@@ -168,10 +168,13 @@ def _interleaved(table: Recording, inputs: Collection[str]) -> list[Recording]:
         return [table]
     groups: list[list[str]] = []
     for name in sorted(there, key=lambda name: -np.count_nonzero(there[name])):
-        rows = there[name]
+        own = there[name]
+        few = _ALIKE * np.count_nonzero(own)
         for group in groups:
-            # a slower channel has some of the rows of a faster one
-            if np.count_nonzero(rows & ~there[group[0]]) <= _ALIKE * np.count_nonzero(rows):
+            others = there[group[0]]
+            # a slower sensor has some of a faster one's rows; a command acts on until its next
+            slower = name not in inputs or np.count_nonzero(others & ~own) <= few
+            if slower and np.count_nonzero(own & ~others) <= few:
                 group.append(name)
                 break
         else:
@@ -289,5 +292,6 @@ def _with_own(ticks: FloatArray, time: FloatArray, reach: float) -> FloatArray:
     """Return ticks with those that samples need which lie near none, or share one."""
     at = nearest(ticks, time)
     alone = np.abs(time - ticks[at]) > reach
-    alone[1:] |= at[1:] == at[:-1]
+    near = np.flatnonzero(~alone)
+    alone[near[1:][at[near[1:]] == at[near[:-1]]]] = True
     return np.unique(np.concatenate([ticks, time[alone]])) if alone.any() else ticks
