@@ -43,13 +43,7 @@ def test_the_cosines_make_what_white_noise_makes_of_an_integrator(memory) -> Non
     if memory:
         response *= np.exp(-np.abs(index[:, None] - index) * 1e-3 / memory)
     drive = Drive(index * 1e-3, {"current": np.zeros(n)})
-    found = input_noise_of(
-        drive,
-        {"current": sigma},
-        {},
-        np.ones(1),
-        by(response),
-    )
+    found = input_noise_of(drive, {"current": sigma}, {}, np.ones(1), by(response))
     exact = sigma**2 * response @ response.T
     made = found.columns @ found.columns.T
     # directions in which noise adds up are all there; what is missing is little beside 1
@@ -78,13 +72,7 @@ def test_noise_that_remembers_is_made_as_it_is() -> None:
 
 def test_responses_hold_for_parameters_nearby() -> None:
     drive = Drive(np.arange(40) * 1e-3, {"current": np.zeros(40)})
-    found = input_noise_of(
-        drive,
-        {"current": 1.0},
-        {},
-        np.array([2.0, 0.0]),
-        by(np.eye(40)),
-    )
+    found = input_noise_of(drive, {"current": 1.0}, {}, np.array([2.0, 0.0]), by(np.eye(40)))
     assert found.is_near(np.array([2.05, 0.0]))
     assert not found.is_near(np.array([2.1, 0.0]))
     assert not found.is_near(np.array([2.0, 1e-6]))

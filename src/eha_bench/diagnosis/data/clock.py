@@ -110,20 +110,17 @@ def clock_beside(time: FloatArray) -> RegularClock | None:
     usual = float(np.median(steps))
     if usual <= 0.0:
         return None
-    slope, first = usual, float(time[0])
-    count = _FEWEST
-    while True:
+    slope, first, count = usual, float(time[0]), 0
+    while count < time.size:
         # counted from a few samples on, twice as many at a time: where stamps scatter, one step
         # that is rounded to the wrong tick would shift all that follow
+        count = min(max(_FEWEST, 2 * count), time.size)
         for _ in range(_ROUNDS):
             tick = np.rint((time[:count] - first) / slope)
             if not np.ptp(tick) > 0.0:
                 return None
             slope, first = np.polyfit(tick, time[:count], 1)
-        if count == time.size or not slope > 0.0:
-            break
-        count = min(2 * count, time.size)
-    if tick.size < time.size or not _parted(tick):
+    if not _parted(tick):
         return None
     tick -= tick[0]
     slope, first = (float(value) for value in np.polyfit(tick, time, 1))

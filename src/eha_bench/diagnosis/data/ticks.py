@@ -68,12 +68,14 @@ class _Topic:
     Attributes:
         part: their recording. names: channels that matter. time: (m,) s, as samples were taken.
         clock: regular one, if they have one.
+        behind: by how much all samples are behind the ticks of what drives, s, if they are.
     """
 
     part: Recording
     names: tuple[str, ...]
     time: FloatArray
     clock: RegularClock | None
+    behind: float = 0.0
 
     @property
     def title(self) -> str:
@@ -100,25 +102,27 @@ def on_ticks(
         return Sampled(topics[0])
     placed, notes = _at_their_clocks(used)
     driving = [item for item in placed if {*item.names} & {*inputs}]
-    beside = [item for item in placed if item not in driving]
     if not driving:
         driving = [max(placed, key=lambda item: item.time.size)]
-        beside = [item for item in placed if item is not driving[0]]
     period = min(_usual(item.time) for item in placed)
-    ticks = asked = _driving_ticks(driving, _SAME * period)
+    ticks = _driving_ticks(driving, _SAME * period)
     near = 0.5 * _usual(ticks)
-    # what is off by always the same keeps no ticks of its own: noise is told from tick to tick
-    behind = {id(item): _behind(asked, item.time, _SAME * period) for item in beside}
+    # what is behind by always the same keeps no ticks of its own: noise is told from tick to tick
+    placed = [
+        item if item in driving else replace(item, behind=_behind(ticks, item.time, _SAME * period))
+        for item in placed
+    ]
+    beside = [item for item in placed if item not in driving]
     for item in sorted(beside, key=lambda item: -item.time.size):
-        own = behind[id(item)]
-        ticks = _with_own(ticks, item.time - own, near if own else min(near, _FURTHEST))
+        reach = near if item.behind else min(near, _FURTHEST)
+        ticks = _with_own(ticks, item.time - item.behind, reach)
     values: dict[str, FloatArray] = {}
     taken: dict[str, FloatArray] = {}
     late: dict[str, str] = {}
     lost: dict[str, BoolArray] = {}
     firsts, lasts = [], []
     for item in placed:
-        at = nearest(ticks, item.time - behind.get(id(item), 0.0))
+        at = nearest(ticks, item.time - item.behind)
         after = item.time - ticks[at]
         same = float(np.quantile(np.abs(after), _USUALLY)) <= _SAME * period
         offsets = np.zeros(ticks.size)

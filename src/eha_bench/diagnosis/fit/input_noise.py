@@ -98,7 +98,7 @@ def _responses(
     ticks = sizes.size
     seconds = float(drive.time[-1] - drive.time[drive.first])
     most = min(max(_FIRST, round(2.0 * _FASTEST * seconds)), ticks)
-    draw = np.random.default_rng(0).standard_normal(ticks)
+    numbers, draw = np.arange(ticks), np.random.default_rng(0).standard_normal(ticks)
 
     def by(amplitudes: FloatArray) -> Drive:
         values = drive.inputs[name].copy()
@@ -109,9 +109,10 @@ def _responses(
     simulations = 0
     count = min(_FIRST, most)
     while True:
-        asked = [by(_REACH * _only(k, ticks)) for k in range(len(columns), count)]
-        # one draw of all the faster ones is simulated with them
-        asked += [by(np.where(np.arange(ticks) < count, 0.0, draw))] if count < most else []
+        asked = [by(np.where(numbers == k, _REACH, 0.0)) for k in range(len(columns), count)]
+        if count < most:
+            # one draw of all the faster ones is simulated with them
+            asked.append(by(np.where(numbers < count, 0.0, draw)))
         simulations += len(asked)
         changes = [left - base for left in residuals(asked)]
         columns += [change / _REACH for change in changes[: count - len(columns)]]
@@ -122,10 +123,3 @@ def _responses(
             break
         count = min(int(count * _FURTHER), most)
     return columns, simulations
-
-
-def _only(k: int, ticks: int) -> FloatArray:
-    """Return amplitudes of cosines of which one is 1."""
-    amplitudes = np.zeros(ticks)
-    amplitudes[k] = 1.0
-    return amplitudes

@@ -35,7 +35,6 @@ def exchange(search: Search) -> bool:
         return False
     changed = False
     for item in list(search.accepted):
-        place = search.accepted.index(item)
         starts = _rivals(search, item)
         if item.start.is_parameter or not starts:
             continue
@@ -49,9 +48,7 @@ def exchange(search: Search) -> bool:
         old = item.start.candidate
         if old != best.candidate and is_as_good(search, search.fit, best.fit, found.gain):
             equal = (old, *equal)
-        search.accepted[place] = Accepted(best.start, found, equal)
-        search.fit = best.fit
-        search.excess_left = excess(search.problem, search.fit)
+        put_in_place(search, item, Accepted(best.start, found, equal), best.fit)
         changed = True
     search.exchanged_from = None if changed else search.fit
     return changed
@@ -83,9 +80,7 @@ def take_better_equivalents(search: Search) -> None:
         )
         if is_as_good(search, search.fit, fit, found.gain):
             equal = (item.start.candidate, *equal)
-        place = search.accepted.index(item)
-        search.accepted[place] = Accepted(best.start, found, equal)
-        search.fit, search.excess_left = fit, excess(search.problem, fit)
+        put_in_place(search, item, Accepted(best.start, found, equal), fit)
 
 
 def _rivals(search: Search, item: Accepted) -> list[Start]:
@@ -130,6 +125,12 @@ def _best(
         return min(inside, key=lambda trial: trial.fit.cost, default=None)
     finally:
         search.restore(kept)
+
+
+def put_in_place(search: Search, item: Accepted, other: Accepted, fit: Fit) -> None:
+    """Let another one, fitted, take the place of what was added."""
+    search.accepted[search.accepted.index(item)] = other
+    search.fit, search.excess_left = fit, excess(search.problem, fit)
 
 
 def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:

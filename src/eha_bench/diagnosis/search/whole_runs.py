@@ -22,7 +22,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.search.equivalent import is_far_above_noise
-from eha_bench.diagnosis.search.exchange import CLOSE, compared
+from eha_bench.diagnosis.search.exchange import CLOSE, compared, put_in_place
 from eha_bench.diagnosis.search.refit import free_of
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
 from eha_bench.diagnosis.search.yielding import yields_to
@@ -88,19 +88,16 @@ def _compare(search: Search, problem: Problem, item: Accepted) -> None:
         for name, one in sorted(fits.items(), key=lambda pair: pair[1].fit.cost)
         if not _is_behind(within, one.fit, best.fit)
     ]
-    place = search.accepted.index(item)
     if own in equal:
         equivalent = tuple(name for name in equal if name != own)
-        search.accepted[place] = replace(item, equivalent=equivalent)
+        search.accepted[search.accepted.index(item)] = replace(item, equivalent=equivalent)
         return
     equivalent = tuple(name for name in equal if name != best.start.candidate)
     within = replace(search.snapshot(), accepted=others)
     free = free_of(within, best.fit.vector, [best.start])
     fit = levenberg_marquardt(search.problem, best.fit.vector, free, refresh=1)
     found = compared(search, item, fit)
-    search.accepted[place] = Accepted(best.start, found, equivalent)
-    search.fit = fit
-    search.excess_left = excess(search.problem, fit)
+    put_in_place(search, item, Accepted(best.start, found, equivalent), fit)
 
 
 def _is_behind(within: Search, other: Fit, best: Fit) -> bool:

@@ -220,7 +220,7 @@ class Writer:
             for part, term, ratio in self.system.terms(item, Friction)
             if term.creep and (speed := self.system.parameter(part.name, term.creep))
         ]
-        return speeds[0] if len(speeds) == 1 else f"max({', '.join(speeds)})" if speeds else ""
+        return f"max({', '.join(speeds)})" if len(speeds) > 1 else "".join(speeds)
 
     def _direction(self, item: Coordinate) -> None:
         n = item.number
