@@ -20,11 +20,11 @@ from eha_bench.experiment.candidates import (
     ExperimentSettings,
     candidates,
     neighbour_of,
-    unit_of_level,
 )
+from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.decision import DrawRows, Odds, inner_products, layout_of, odds
 from eha_bench.experiment.hypothesis import Hypothesis, read_question, rivals_to_separate
-from eha_bench.experiment.permitted import mode_of, permitted_ranges
+from eha_bench.experiment.permitted import permitted_ranges
 from eha_bench.experiment.response import Bench, largest, respond
 from eha_bench.experiment.separating import FRESH
 from eha_bench.suites import Suite, load_suite
@@ -51,17 +51,16 @@ class OtherPlanners:
     def __init__(self, diagnosis: Path, safety: Path, seconds: float, seed: int) -> None:
         question = read_question(diagnosis)
         self.rivals = rivals_to_separate(question.rivals)
-        plant = self.rivals[0].model.plant
+        plant, commanded = self.rivals[0].model.plant, Commanded.of(question)
         self.plant = plant
-        self.bench = Bench.of(question.covered, plant.outputs, plant.command)
+        self.bench = Bench.of(question.covered, plant.outputs, commanded.channel)
         self.permitted = permitted_ranges(
-            plant, [rival.vector for rival in self.rivals], question.covered, safety
+            plant, commanded, [rival.vector for rival in self.rivals], question.covered, safety
         )
         command = {key: item for key, item in self.permitted.command.items()
                    if item.high > item.low}  # fmt: skip
         self.plan = ExperimentSettings(
-            mode_of(plant), unit_of_level(plant.command), command, self.bench.rate,
-            {key: {} for key in command},
+            commanded, command, self.bench.rate, {key: {} for key in command}
         )  # fmt: skip
         self.seconds = seconds
         self.rng = np.random.default_rng([seed, 9])
@@ -115,6 +114,6 @@ class OtherPlanners:
     ) -> FloatArray:
         """Return inner products at its end, (1, rows, rows)."""
         trial = self.plan.trials([item], ["t"])[0]
-        found = respond(rivals, layout.points, trial, self.bench, {})
+        found = respond(rivals, layout.points, trial, self.bench, {}, self.plan.commanded)
         ticks = [round(self.seconds * self.bench.rate)]
         return inner_products(layout, found.outputs, self.plant.outputs, self.bench, ticks, [seed])

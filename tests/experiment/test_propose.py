@@ -16,6 +16,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.limit import Bounds
 from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import read_question
 from eha_bench.experiment.permitted import permitted_ranges
 from eha_bench.experiment.proposal import ProposalEnding
@@ -201,7 +202,9 @@ def test_a_plant_of_channels_that_nobody_knows_gets_an_experiment_too(tmp_path: 
 def test_without_a_safety_file_nothing_goes_beyond_what_was_recorded(tmp_path: Path):
     question = read_question(write_question(tmp_path, [rival(*LAG)]))
     plant = question.rivals[0].model.plant
-    found = permitted_ranges(plant, [question.rivals[0].vector], question.covered, None)
+    found = permitted_ranges(
+        plant, Commanded.of(question), [question.rivals[0].vector], question.covered, None
+    )
     ((setup, limits),) = found.limits.items()
     assert setup == ("locked", "closed")
     assert (found.command[setup].low, found.command[setup].high) == LOCKED["current_command"]
@@ -220,7 +223,9 @@ def test_a_suite_permits_its_setups_within_its_safety_limits(tmp_path: Path):
         "  - {id: b, mode: current, duration: 1 s, signal: {kind: constant, value: 1 A}}\n"
     )
     vector = question.rivals[0].vector
-    found = permitted_ranges(question.rivals[0].model.plant, [vector], question.covered, suite)
+    found = permitted_ranges(
+        question.rivals[0].model.plant, Commanded.of(question), [vector], question.covered, suite
+    )
     assert set(found.limits) == {("free", "open"), ("free", "closed")}
     for limits in found.limits.values():
         assert (limits["motor_speed"].low, limits["motor_speed"].high) == (-50.0, 40.0)
@@ -231,7 +236,9 @@ def test_a_drive_permits_its_limits_and_what_its_fixture_can(tmp_path: Path):
     question = read_question(write_question(tmp_path, [rival(*LAG)]))
     vector = question.rivals[0].vector
     drive = Path(__file__).parents[2] / "fixtures/rig/eha_drive.yaml"
-    found = permitted_ranges(question.rivals[0].model.plant, [vector], question.covered, drive)
+    found = permitted_ranges(
+        question.rivals[0].model.plant, Commanded.of(question), [vector], question.covered, drive
+    )
     assert len(found.limits) == 4
     limits = found.limits["locked", "closed"]
     assert limits["pressure_a"].rate == pytest.approx(4e9)
@@ -244,7 +251,11 @@ def test_a_file_that_says_nothing_of_safety_is_refused(tmp_path: Path):
     other.write_text("model: eha_knee\n")
     with pytest.raises(InputError, match="no safety limits"):
         permitted_ranges(
-            question.rivals[0].model.plant, [question.rivals[0].vector], question.covered, other
+            question.rivals[0].model.plant,
+            Commanded.of(question),
+            [question.rivals[0].vector],
+            question.covered,
+            other,
         )
 
 

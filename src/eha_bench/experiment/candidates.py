@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from eha_bench.core.channels import CHANNELS
 from eha_bench.core.trial import Trial
+from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.permitted import Limit, SetUp
 from eha_bench.suites import load_suite
 
@@ -113,10 +113,10 @@ class Experiment:
         setup = {"piston": piston.value, "bypass": bypass.value}
         return {
             "id": name,
-            "mode": plan.mode,
+            "mode": plan.commanded.mode,
             "setup": setup,
             "duration": f"{self.seconds:.4g} s",
-            "signal": self.signal(plan.command[self.setup], plan.unit),
+            "signal": self.signal(plan.command[self.setup], plan.commanded.unit),
             "safety": dict(plan.safety[self.setup]),
         }
 
@@ -126,13 +126,11 @@ class ExperimentSettings:
     """What all trials of a proposal have in common.
 
     Attributes:
-        mode: that commands the plant itself. unit: of its levels, "" for plain SI.
-        command: setup -> range. rate: samples a second.
+        commanded: what they give. command: setup -> its range, SI. rate: samples a second.
         safety: setup -> channel -> limit as a suite writes it.
     """
 
-    mode: str
-    unit: str
+    commanded: Commanded
     command: Mapping[SetUp, Limit]
     rate: float
     safety: Mapping[SetUp, Mapping[str, Any]]
@@ -152,20 +150,18 @@ class ExperimentSettings:
         }
 
 
-def unit_of_level(command: str) -> str:
-    """Return the unit that a suite may write behind a level of a command; "" for plain SI."""
-    return CHANNELS[command].unit if command in CHANNELS else ""
-
-
 def candidates(plan: ExperimentSettings, seconds: float) -> Iterator[Experiment]:
     """Yield experiments of every kind in every setup, from slow to fast.
+
+    A part whose position is imposed is asked for nothing that jumps.
 
     Args:
         plan: permitted. seconds: length of each.
     """
     highest = plan.rate / 10.0
+    jumps = not plan.commanded.is_imposed_position
     for setup in plan.command:
-        for pattern in _PATTERNS:
+        for pattern in _PATTERNS if jumps else ():
             for hold in (0.1, 0.3, 0.8):
                 if 1.0 / hold < highest and 2.0 * hold < seconds:
                     yield Experiment("steps", setup, 1.0 / hold, seconds=seconds, pattern=pattern)
@@ -178,7 +174,7 @@ def candidates(plan: ExperimentSettings, seconds: float) -> Iterator[Experiment]
                 yield Experiment("chirp", setup, frequency, seconds=seconds)
                 yield Experiment("multisine", setup, frequency, seconds=seconds)
         for frequency in (2.0, 10.0, 50.0):
-            if frequency < highest:
+            if jumps and frequency < highest:
                 yield Experiment("prbs", setup, frequency, seconds=seconds)
 
 

@@ -12,6 +12,7 @@ from eha_bench.core import yaml_file
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.output_folder import writable
+from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import Question, read_question
 from eha_bench.experiment.proposal import Proposal, ProposalEnding
 from eha_bench.suites import load_suite
@@ -86,7 +87,7 @@ def _comment(sentence: str) -> str:
 def _dataset(proposal: Proposal, question: Question, suite: Path) -> dict[str, Any]:
     """Return a dataset over the old recordings and those that the suite will make."""
     folder = suite.parent.resolve()
-    plant = question.rivals[0].model.plant
+    command = Commanded.of(question).channel
     recordings = os.path.relpath(run_folder(suite).resolve() / "recordings", folder)
     new = [
         {
@@ -101,12 +102,12 @@ def _dataset(proposal: Proposal, question: Question, suite: Path) -> dict[str, A
     if question.covered.dataset and old.is_file():
         content = yaml_file.plain(yaml_file.load(old))
         moved = _rebase_files(content, old.resolve().parent, folder)
-        inputs = moved.get("inputs", [plant.command])
-        if plant.command in inputs:
+        inputs = moved.get("inputs", [command])
+        if command in inputs:
             return {**moved, "runs": [*moved["runs"], *new]}
     # what was recorded before is driven by something else, or is not there any more
     model = question.source.parent.resolve() / "recalibrated.yaml"
-    return {"model": os.path.relpath(model, folder), "inputs": [plant.command], "runs": new}
+    return {"model": os.path.relpath(model, folder), "inputs": [command], "runs": new}
 
 
 def _rebase_files(content: Mapping[str, Any], before: Path, after: Path) -> dict[str, Any]:

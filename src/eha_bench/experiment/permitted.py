@@ -13,7 +13,8 @@ from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.file_kind import kind_by_keys
 from eha_bench.core.shipped import find
-from eha_bench.core.trial import Bypass, Piston, mode_named, passes_on
+from eha_bench.core.trial import Bypass, Piston
+from eha_bench.experiment.commanded import Commanded
 from eha_bench.plants.plant import Plant
 from eha_bench.posterior.covered import Covered
 from eha_bench.suites import load_suite
@@ -62,12 +63,18 @@ class Permitted:
     words: str
 
 
-def permitted_ranges(plant: Plant, vectors: Sequence[np.ndarray], covered: Covered,
-              safety: str | Path | None) -> Permitted:  # fmt: skip
+def permitted_ranges(
+    plant: Plant,
+    commanded: Commanded,
+    vectors: Sequence[np.ndarray],
+    covered: Covered,
+    safety: str | Path | None,
+) -> Permitted:
     """Return what a safety file permits; without one, what the recordings have already been to.
 
     Args:
-        plant: of the model. vectors: parameters of each rival, whose ends of stroke count.
+        plant: of the model. commanded: what experiments give.
+        vectors: parameters of each rival, whose ends of stroke count.
         covered: where the recordings have been.
         safety: a target.yaml with `limits`, or a suite whose trials have `safety`; or None.
 
@@ -83,17 +90,26 @@ def permitted_ranges(plant: Plant, vectors: Sequence[np.ndarray], covered: Cover
         }
         for item in covered.setups
     }
-    most = min(float(plant.command_limit(vector)) for vector in vectors)
-    plants_own = Limit(-most, most, reason=PLANT)
-    asked = {
-        key: plants_own.within(own[plant.command])
-        for key, own in seen.items()
-        if _can(plant, key) and plant.command in own
-    }
+    channel = commanded.channel
     ends = _ends(plant, vectors)
+    plants_own = Limit(-commanded.limit, commanded.limit, reason=PLANT)
+    if channel in ends:
+        plants_own = plants_own.within(ends.pop(channel))
+    asked = {
+        key: plants_own.within(own[channel])
+        for key, own in seen.items()
+        if _can(plant, key) and channel in own
+    }
     if safety is None:
         limits = {
-            key: _both({name: v for name, v in seen[key].items() if name in plant.outputs}, ends)
+            key: _both(
+                {
+                    name: limit
+                    for name, limit in seen[key].items()
+                    if name in plant.outputs and name != channel
+                },
+                ends,
+            )
             for key in asked
         }
         words = "no safety file: the extremes of the recordings are the limits"
@@ -101,7 +117,7 @@ def permitted_ranges(plant: Plant, vectors: Sequence[np.ndarray], covered: Cover
     path = find(safety, "suites", "targets")
     file = _safety_file(path)
     command = plants_own
-    for name in (plant.command, mode_of(plant)):
+    for name in dict.fromkeys((channel, commanded.mode)):
         if name in file.channels:
             command = command.within(file.channels[name])
     setups = [key for key in file.setups if _can(plant, key)] or list(asked)
@@ -109,18 +125,12 @@ def permitted_ranges(plant: Plant, vectors: Sequence[np.ndarray], covered: Cover
         # no limit is given: as much as it has been
         for own in asked.values():
             command = own if math.isinf(command.low) else _widest(command, own)
-    channels = {name: item for name, item in file.channels.items() if name != plant.command}
+    channels = {name: item for name, item in file.channels.items() if name != channel}
     return Permitted(
         dict.fromkeys(setups, command),
         dict.fromkeys(setups, _both(channels, ends)),
         f"the limits are those of {path.name}",
     )
-
-
-def mode_of(plant: Plant) -> str:
-    """Return the suite's word for a trial that commands the plant itself."""
-    spoken = "current"
-    return spoken if passes_on(mode_named(spoken), plant.command) else plant.command
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,12 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS, unit_of
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import InputError
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.outcome.rival import Standing
-from eha_bench.experiment.candidates import Experiment, ExperimentSettings, unit_of_level
+from eha_bench.experiment.candidates import Experiment, ExperimentSettings
+from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.decision import (
     DISTINGUISHED,
     DrawRows,
@@ -41,7 +42,6 @@ from eha_bench.experiment.permitted import (
     Limit,
     Permitted,
     SetUp,
-    mode_of,
     permitted_ranges,
 )
 from eha_bench.experiment.proposal import PlannedTrial, Proposal, ProposalEnding, Width
@@ -87,7 +87,8 @@ def propose(
         seed: of all draws. progress: called with the stage and the fraction of it done.
 
     Raises:
-        InputError: a file is wrong, the model has no command, or the budget allows none.
+        InputError: a file is wrong, nothing of the model can be commanded, or the budget
+            allows none.
     """
     began = time.perf_counter()
     if budget < SHORTEST:
@@ -118,19 +119,13 @@ class _Planner:
         self.rivals = rivals_to_separate(question.rivals)
         self.causes = tuple(dict.fromkeys(rival.cause for rival in self.rivals))
         self.plant = plant = self.rivals[0].model.plant
-        if not plant.command:
-            raise InputError(
-                f"{plant.id} has no command that an experiment could give",
-                where=Place(file=str(question.source)),
-                hint="rank recordings that exist already with --from",
-            )
-        bench = Bench.of(question.covered, plant.outputs, plant.command)
+        commanded = Commanded.of(question)
+        bench = Bench.of(question.covered, plant.outputs, commanded.channel)
         self.permitted: Permitted = permitted_ranges(
-            plant, [rival.vector for rival in self.rivals], question.covered, safety
+            plant, commanded, [rival.vector for rival in self.rivals], question.covered, safety
         )
         self.plan = ExperimentSettings(
-            mode_of(plant),
-            unit_of_level(plant.command),
+            commanded,
             {key: item for key, item in self.permitted.command.items() if item.high > item.low},
             bench.rate,
             {key: self._safety(key) for key in self.permitted.limits},

@@ -13,6 +13,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.processors import usable_processors
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
+from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Limit
 from eha_bench.plants.network.integration import LANES
@@ -112,22 +113,22 @@ def respond(
     trial: Trial,
     bench: Bench,
     limits: Mapping[str, Limit],
+    commanded: Commanded,
 ) -> Responses:
-    """Simulate a trial that commands the plant itself, by every rival.
+    """Simulate a trial without a controller of its own, by every rival.
 
     Args:
         rivals: explanations. draws: (m, p) coordinates of each rival's posterior.
-        trial: to run. bench: sensors. limits: by channel.
+        trial: to run. bench: sensors. limits: by channel. commanded: what the trial gives.
     """
-    plant = rivals[0].model.plant
     clock = trial.clock()
     time = clock - clock[0]
     inputs = {name: np.full(time.size, value) for name, value in bench.inputs.items()}
-    inputs[plant.command] = trial.reference(clock)
+    reference = inputs[commanded.channel] = trial.reference(clock)
     drive = Drive(
         time,
         inputs,
-        dict(trial.setup.initial),
+        commanded.start(trial, reference),
         locked=trial.setup.piston is Piston.LOCKED,
         bypass_open=trial.setup.bypass is Bypass.OPEN,
     )
@@ -153,7 +154,7 @@ def largest(
     for size in _SIZES:
         item = candidate.at_size(size * candidate.size)
         trial = plan.trials([item], ["t"])[0]
-        if respond(rivals, draws, trial, bench, limits).safe:
+        if respond(rivals, draws, trial, bench, limits, plan.commanded).safe:
             return item
     return None
 

@@ -100,7 +100,7 @@ class RivalSimulator:
         checkpoint()
         trial = self.plan.trials([experiment], ["t"])[0]
         limits = self.permitted.limits[experiment.setup]
-        return respond(self.rivals, layout.points, trial, self.bench, limits)
+        return respond(self.rivals, layout.points, trial, self.bench, limits, self.plan.commanded)
 
     def products(
         self, responses: Responses, layout: DrawRows, ticks: Sequence[int], stream: int

@@ -36,7 +36,9 @@ def advice(
     """
     plant = rivals[0].model.plant
     trial = plan.trials([candidate], ["t"])[0]
-    responses = respond(rivals, layout.points, trial, bench, limits[candidate.setup])
+    responses = respond(
+        rivals, layout.points, trial, bench, limits[candidate.setup], plan.commanded
+    )
     best: SensorAdvice | None = None
     for name in plant.outputs:
         if name in bench.channels:

@@ -454,6 +454,14 @@ class Plant:
         """
         return {}
 
+    def followed_by(self, reference: str) -> str:
+        """Return the position that a controller inside the plant makes follow a reference.
+
+        "" where none does.
+        """
+        del reference
+        return ""
+
     def hanging_weight(self, vector: FloatArray, node: str) -> float:
         """Return the largest torque of the declared weights that hang on a node, N*m.
 

@@ -749,6 +749,20 @@ class NetworkPlant(Plant):
         index = self.system.index
         return {name: float(vector[index[key]]) for name, key in self._resting_at.items()}
 
+    def followed_by(self, reference: str) -> str:
+        """Return the position that a controller inside the plant makes follow a reference.
+
+        "" where none does, or a gear stands between.
+        """
+        system = self.system
+        part = system.columns[system.column_of[reference]].part
+        if reference not in self.references or part is None:
+            return ""
+        node = part.element.ports[system.loops[part.name][1].reads]
+        own = system.leader_of(node)
+        names = {place: name for name, place in self.state_places.items()}
+        return names[own.position] if own.name == node else ""
+
     def command_limit(self, vector: FloatArray) -> float:
         """Return the largest command that the plant follows, SI, either way."""
         for column in self.system.columns:

@@ -1,0 +1,89 @@
+"""What an experiment commands: the plant's command, what its controller follows, or a motion.
+
+A loop inside a servo is commanded by its reference. A shaft whose speed was measured, or a rod that
+a test rig moves, is an input of the recordings as a command is, and a drive under the machine can
+be asked for it. A force or a pressure from outside is not commanded: it stays at its mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.channels import CHANNELS
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.trial import Trial, mode_named, passes_on
+from eha_bench.experiment.hypothesis import Question
+from eha_bench.plants.plant import Plant
+
+
+@dataclass(frozen=True)
+class Commanded:
+    """The input that experiments give; all others stay at their means.
+
+    Attributes:
+        channel: its name. mode: the suite's word for a trial that commands it.
+        unit: behind every level in a suite, "" for plain SI. si_unit: SI unit, for people.
+        limit: the largest value either way that the plant follows, SI; inf for none.
+        follows: position that a controller inside the plant makes follow it, "" for none.
+        is_imposed_position: whether it is a position of a part, which cannot jump.
+    """
+
+    channel: str
+    mode: str
+    unit: str
+    si_unit: str
+    limit: float
+    follows: str = ""
+    is_imposed_position: bool = False
+
+    @staticmethod
+    def of(question: Question) -> Commanded:
+        """Return what the experiments for a diagnosis command.
+
+        Raises:
+            InputError: nothing that its recordings have as an input can be commanded.
+        """
+        plant, inputs = question.rivals[0].model.plant, question.covered.inputs
+        known = [name for name in (plant.command, *plant.references, *_motions(plant, inputs))
+                 if name in inputs]  # fmt: skip
+        channel = known[0] if known else plant.command
+        if not channel:
+            raise InputError(
+                f"{plant.id} has no command that an experiment could give, and none of its inputs "
+                f"is a motion that a rig could impose: {', '.join(inputs) or 'it has none'}",
+                where=Place(file=str(question.source)),
+                hint="rank recordings that exist already with --from",
+            )
+        unit = CHANNELS[channel].unit if channel in CHANNELS else ""
+        is_command = channel == plant.command
+        vectors = [rival.vector for rival in question.rivals] if is_command else []
+        return Commanded(
+            channel,
+            _mode_of(channel),
+            unit,
+            unit or plant.units.get(channel, ""),
+            min((float(plant.command_limit(vector)) for vector in vectors), default=math.inf),
+            plant.followed_by(channel) if channel in plant.references else "",
+            channel in plant.roles.rate_of,
+        )
+
+    def start(self, trial: Trial, reference: FloatArray) -> dict[str, float]:
+        """Return where a trial starts, channel -> SI: a servo where it is asked to be first."""
+        own = {self.follows: float(reference[0])} if self.follows else {}
+        return {**own, **trial.setup.initial}
+
+
+def _mode_of(channel: str) -> str:
+    """Return the suite's word for a trial that commands a channel itself."""
+    spoken = "current"
+    return spoken if passes_on(mode_named(spoken), channel) else channel
+
+
+def _motions(plant: Plant, inputs: Mapping[str, tuple[float, float, float]]) -> list[str]:
+    """Return the inputs that are motions of parts of the plant, speeds before positions."""
+    roles = plant.roles
+    rates = [name for name in inputs if name in roles.rates]
+    return [*rates, *(name for name in inputs if name in roles.rate_of)]
