@@ -181,6 +181,17 @@ class Parametrised:
             hint=f"it is commanded by {self.plant.command or 'nothing'}",
         )
 
+    def imposing(self, motion: str) -> Parametrised:
+        """Return it driven by a motion, which stands behind the inputs in `advance`'s columns.
+
+        Raises:
+            InputError: nothing can impose that motion, or it leaves another one undetermined.
+        """
+        raise InputError(
+            f"no session of {self.plant.id} can impose '{motion}'",
+            hint=f"it is commanded by {self.plant.command or 'nothing'}",
+        )
+
     @property
     def hidden(self) -> Mapping[str, float]:
         """What nothing read says of a first state -> how far it may be from what follows from it.
@@ -253,6 +264,7 @@ class Plant:
             is not a session.
         references: those of `inputs` that a controller inside the plant follows: one of them may
             stand in a session for `command`, which that controller then gives.
+        imposable_motions: motions of its parts that a session may impose where nothing commands it.
         resting_inputs: what inputs are by default, SI; 0 for the rest.
         derived_channels: channels that `derived` gives from all outputs, in a session's order.
         can_lock: whether the setup `piston: locked` means something.
@@ -269,6 +281,7 @@ class Plant:
     inputs: tuple[str, ...] = ()
     command: str = ""
     references: tuple[str, ...] = ()
+    imposable_motions: tuple[str, ...] = ()
     resting_inputs: Mapping[str, float] = MappingProxyType({})
     derived_channels: tuple[str, ...] = ()
     can_lock: bool = False
@@ -347,15 +360,23 @@ class Plant:
         """Return what parameters make weigh nothing, and which of them do, or None."""
         return None
 
-    def check_session(self, *, locked: bool = False, bypass_open: bool = False) -> None:
+    def check_session(
+        self, *, command: str = "", locked: bool = False, bypass_open: bool = False
+    ) -> None:
         """Refuse a session that cannot be, before anything is compiled.
 
+        Args:
+            command: what drives it; the plant's command by default. locked, bypass_open: setup.
+
         Raises:
-            InputError: no input commands this plant, or its setup cannot be so.
+            InputError: nothing drives this plant, or its setup cannot be so.
         """
-        if not self.command:
+        if not self.command and command not in self.imposable_motions:
+            motions = " or ".join(self.imposable_motions)
             raise InputError(
-                f"{self.id} has no input that a controller commands", hint=_FOR_DATASETS
+                f"{self.id} has no input that a controller commands"
+                + (f", and a mode can only impose {motions}" if motions else ""),
+                hint=_FOR_DATASETS,
             )
         if locked and not self.can_lock:
             raise InputError(f"{self.id} has nothing to lock", hint="set `piston: free`")

@@ -47,21 +47,27 @@ class Session:
             step: largest integration step, s.
             start: time of the first moment, s.
             command: the input that `advance` gives: the plant's command, unless one of its
-                `references` takes its place.
+                `references` takes its place, or a motion that is imposed where it has none.
 
         Raises:
-            InputError: no input commands this plant, its setup cannot be so, or a channel is not a
+            InputError: nothing drives this plant, its setup cannot be so, or a channel is not a
                 state of it.
         """
-        plant.check_session(locked=locked, bypass_open=bypass_open)
+        plant.check_session(command=command, locked=locked, bypass_open=bypass_open)
         at = plant.at(vector)
-        if command and command != plant.command:
+        self._imposes = not plant.command
+        if self._imposes:
+            at = at.imposing(command)
+        elif command and command != plant.command:
             at = at.following(command)
         self._at, self._step = at, step
         self._locked, self._bypass = locked, bypass_open
-        self._places = {name: place for place, name in enumerate(plant.inputs)}
+        columns = (*plant.inputs, command) if self._imposes else plant.inputs
+        self._places = {name: place for place, name in enumerate(columns)}
         self._command = self._places[command or plant.command]
-        self._given = np.array([plant.resting_inputs.get(name, 0.0) for name in plant.inputs])
+        self._given = np.array([plant.resting_inputs.get(name, 0.0) for name in columns])
+        if self._imposes:
+            self._given[self._command] = initial.get(command, 0.0)
         self._look_back = at.look_back
         self._time = np.full(_ROWS, start)
         self._inputs = np.tile(self._given, (_ROWS, 1))
@@ -105,13 +111,17 @@ class Session:
     def advance(self, to: float, command: float) -> None:
         """Hold a command (SI unit of what commands the session) and go on to a later moment, s.
 
-        What the sensors read is then that of just before the next command takes effect.
+        What the sensors read is then that of just before the next command takes effect. A motion
+        that is imposed does not jump: it goes evenly to what is given, and is there at the end.
         """
         row = self._row
         if row + 2 > self._time.size:
             row = self._forget()
         self._given[self._command] = command
+        here = self._inputs[row, self._command]
         self._inputs[row : row + 2] = self._given
+        if self._imposes:
+            self._inputs[row, self._command] = here
         self._time[row + 1] = to
         self._go_on(
             row, row + 1, self._time, self._inputs, self._locked, self._bypass, self._step, False,

@@ -46,7 +46,8 @@ class ClosedLoop:
         sensors: noise and resolution by channel.
         constants: what is known of the plant, as metadata of the recording.
         units: SI units of channels that are not on the list of known ones.
-        command: what the controller commands, by which name the command is recorded.
+        command: what the controller commands, by which name the command is recorded; "" where it
+            is not: a motion that is imposed is measured.
     """
 
     trial: Trial
@@ -104,7 +105,9 @@ class ClosedLoop:
         except (Exception, SystemExit) as crash:  # a plug-in controller may raise anything
             ending, reason = Ending.FAULT, error_text(crash)
             done = int(np.count_nonzero(np.isfinite(commands)))
-        values = {"reference": reference[:done], self.command: commands[:done]}
+        values = {"reference": reference[:done]}
+        if self.command:
+            values[self.command] = commands[:done]
         for column, name in enumerate(channels):
             # what is commanded may be measured as well: what was asked for is what is recorded
             values.setdefault(name, measured[:done, column])

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from eha_bench.control.controller import Context
+from eha_bench.control.controller import Context, Controller, NoGains
 from eha_bench.control.controller_file import ControllerSet, load_controllers
+from eha_bench.control.open_loop import OpenLoop
 from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place
@@ -58,7 +59,7 @@ class Simulator(Target):
         name: str = "simulator",
     ) -> None:
         plant = model.plant
-        plant.check_session()
+        plant.check_session(command=next(iter(plant.imposable_motions), ""))
         self._plant = plant
         self._model = model
         self._vector = model.vector()
@@ -127,12 +128,13 @@ class Simulator(Target):
         """Raise an InputError if there is no controller for the mode, or no such start."""
         command = self._command(trial)
         held = {*self._plant.inputs} - {command}
-        check_channels(trial, self.units, self._plant.id, command, held)
-        self._controllers.make(trial.mode, self._context(trial))
         self._plant.check_session(
+            command=command,
             locked=trial.setup.piston is Piston.LOCKED,
             bypass_open=trial.setup.bypass is Bypass.OPEN,
         )
+        check_channels(trial, self.units, self._plant.id, command, held)
+        self._controller(trial)
         self._initial(trial)
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
@@ -151,13 +153,24 @@ class Simulator(Target):
             trial,
             repeat,
             session.channels,
-            self._controllers.make(trial.mode, self._context(trial)),
+            self._controller(trial),
             self._sensors,
             self._constants(),
             {name: unit for name, unit in self.units.items() if name not in CHANNELS},
-            self._command(trial),
+            "" if self._command(trial) in self._plant.imposable_motions else self._command(trial),
         )
         return loop.run(session, stopping)
+
+    def _controller(self, trial: Trial) -> Controller:
+        """Return what closes the trial's loop; a motion that is imposed has none to close.
+
+        Raises:
+            InputError: the revision has no controller for that mode.
+        """
+        context = self._context(trial)
+        if context.command in self._plant.imposable_motions:
+            return OpenLoop(NoGains(), context)
+        return self._controllers.make(trial.mode, context)
 
     def _constants(self) -> dict[str, str]:
         """Return the plant's parameters, SI, as metadata: identification needs some of them."""
@@ -178,16 +191,19 @@ class Simulator(Target):
         )
 
     def _command(self, trial: Trial) -> str:
-        """Return what a trial commands: the plant's command, or what a loop inside it follows."""
-        asked = trial.mode.channel
-        return asked if asked in self._plant.references else self._plant.command
+        """Return what a trial gives: the plant's command, or what a loop inside it follows.
+
+        A motion where nothing commands the plant, "" where that cannot be imposed.
+        """
+        asked, plant = trial.mode.channel, self._plant
+        return asked if asked in (*plant.references, *plant.imposable_motions) else plant.command
 
     @property
     def units(self) -> dict[str, str]:
         """SI unit of everything that a trial may name."""
         plant = self._plant
         names = (plant.command, *plant.references, *plant.outputs, *plant.derived_channels)
-        found = {name: plant.units[name] for name in names}
+        found = {name: plant.units[name] for name in names if name}
         if {"pressure_a", "pressure_b"} <= found.keys():
             found["pressure_difference"] = unit_of("pressure_difference")
         return found
@@ -200,8 +216,10 @@ class Simulator(Target):
         """
         plant, ranges = self._plant, self._plant.position_range(self._vector)
         asked = dict(trial.setup.initial)
-        if not asked and trial.setup.piston is Piston.FREE and trial.channel in ranges:
-            asked[trial.channel] = float(trial.reference(np.zeros(1))[0])
+        follows = trial.channel in plant.references and plant.followed_by(trial.channel)
+        moved = follows or trial.channel
+        if not asked and trial.setup.piston is Piston.FREE and moved in ranges:
+            asked[moved] = float(trial.reference(np.zeros(1))[0])
         initial = {name: value for name, value in asked.items() if name in plant.states}
         for name, value in asked.items():
             if name not in initial:

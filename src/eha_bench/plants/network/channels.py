@@ -17,6 +17,12 @@ def imposable_signals(system: System) -> list[tuple[str, int]]:
     return [(item.channel, item.signal) for item in system.outputs if item.signal >= 0]
 
 
+def shown_motions(system: System) -> tuple[str, ...]:
+    """Return the channels that show how parts move, which a drive may impose."""
+    moving = {place for item in system.coordinates for place in (item.speed, item.position)}
+    return tuple(item.channel for item in system.outputs if item.state in moving)
+
+
 def places_of_states(system: System) -> dict[str, int]:
     """Return states by the channel that shows them, or by node and quantity.
 

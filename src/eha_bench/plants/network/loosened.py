@@ -191,6 +191,15 @@ class _Loosened(Parametrised):
         loose = self._loose.following(reference)
         return _Loosened(self._of, self.vector, loose, self._play, self._tried, self._hidden)
 
+    def imposing(self, motion: str) -> Parametrised:
+        """Return it driven by a motion.
+
+        Raises:
+            InputError: nothing can impose that motion, or it leaves another one undetermined.
+        """
+        loose = self._loose.imposing(motion)
+        return _Loosened(self._of, self.vector, loose, self._play, self._tried, self._hidden)
+
     @property
     def hidden(self) -> Mapping[str, float]:
         """How far the bend of the joint and its rate may be from where they begin."""

@@ -21,6 +21,7 @@ from eha_bench.plants.network.channels import (
     imposable_signals,
     places_of_states,
     roles_of_channels,
+    shown_motions,
     units_of_channels,
 )
 from eha_bench.plants.network.compiler import compiled_kernel, refuse_uncompiled
@@ -143,6 +144,7 @@ class NetworkPlant(Plant):
         commands = [item.channel for item in system.columns if item.command is not None]
         self.command = commands[0] if commands else ""
         self.references = tuple(item.channel for item in system.columns if system.is_followed(item))
+        self.imposable_motions = () if commands else shown_motions(system)
         self.resting_inputs = {
             item.channel: math.nan
             if item.default == -2
@@ -661,10 +663,15 @@ class NetworkPlant(Plant):
                 raise InputError(
                     f"'{name}' cannot be an input of {self.id}", hint=f"inputs may be: {known}"
                 )
-        self._check_massless(is_imposed)
+        self.check_massless(is_imposed)
         return Inputs(period, time, ticks, values, given, imposed, is_imposed)
 
-    def _check_massless(self, is_imposed: BoolArray) -> None:
+    def check_massless(self, is_imposed: BoolArray) -> None:
+        """Refuse to leave a part without inertia to itself.
+
+        Raises:
+            InputError: nothing imposes the motion of such a part.
+        """
         for item in self.system.coordinates:
             driven = is_imposed[item.speed] or is_imposed[item.position]
             if not driven and not self.system.inertias(item):
@@ -960,7 +967,7 @@ class _Fastest(Parametrised):
         self._look_back = plant.layout.look_back(vector)
         self._shown = np.zeros(plant.system.size + 1)
         count = plant.system.size + len(plant._imposable)
-        self._not_imposed = np.zeros(count, dtype=np.bool_)
+        self._is_imposed = np.zeros(count, dtype=np.bool_)
         self._imposed = np.zeros((2, count))
         self._given = np.ones(len(plant.system.columns), dtype=np.bool_)
         for name, (part, loop, _, _) in plant.system.loops.items():
@@ -970,6 +977,7 @@ class _Fastest(Parametrised):
                     self._given[number] = False
             del name, loop
         self._loop_period = 0.0
+        self._motion = -1
         self._linkage = plant.linkage(vector)
         self._behind_joint = plant.behind_joint()
 
@@ -997,6 +1005,21 @@ class _Fastest(Parametrised):
         other._loop_period = float(
             self.vector[system.index[system.slot_of[f"{column.part.name}.{loop.period}"]]]
         )
+        return other
+
+    def imposing(self, motion: str) -> Parametrised:
+        """Return it driven by a motion of one of its parts.
+
+        Raises:
+            InputError: nothing can impose that motion, or it leaves another one undetermined.
+        """
+        plant = self.plant
+        if motion not in plant.imposable_motions:
+            return super().imposing(motion)
+        other = _Fastest(plant, self.vector)
+        other._motion = plant.state_places[motion]
+        other._is_imposed[other._motion] = True
+        plant.check_massless(other._is_imposed)
         return other
 
     def simulate(self, drive: Drive, initial: Mapping[str, float], step: float) -> FloatArray:
@@ -1128,8 +1151,10 @@ class _Fastest(Parametrised):
         n = last + 1
         if n > len(self._imposed):
             self._imposed = np.zeros((2 * n, self._imposed.shape[1]))
+        if self._motion >= 0:
+            self._imposed[first:n, self._motion] = inputs[first:n, -1]
         self._kernel.simulate(
-            first, last, time, inputs, self._given, self._imposed, self._not_imposed, locked,
+            first, last, time, inputs, self._given, self._imposed, self._is_imposed, locked,
             bypass_open, step, fresh, self._parameters, memory, self._shown, state, out,
         )  # fmt: skip
 
@@ -1157,7 +1182,7 @@ class _Fastest(Parametrised):
         count = self.plant.system.size + len(self.plant._imposable)
         self._kernel.simulate(
             k, k + parts, times, values, self._given, np.zeros((times.size, count)),
-            self._not_imposed, locked, bypass_open, step, fresh, self._parameters, memory,
+            self._is_imposed, locked, bypass_open, step, fresh, self._parameters, memory,
             self._shown, state, shown,
         )  # fmt: skip
         inputs[k], out[k], out[k + 1] = values[k], shown[k], shown[-1]

@@ -1,0 +1,159 @@
+"""What an experiment commands: a command, what a servo follows, or a motion that a rig imposes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from experiment_question import rival, write_question
+
+import eha_bench as eb
+from eha_bench.core.errors import InputError
+from eha_bench.core.yaml_file import load
+from eha_bench.experiment.commanded import Commanded
+from eha_bench.experiment.hypothesis import read_question
+from eha_bench.experiment.proposal import ProposalEnding
+from eha_bench.suites import load_suite
+from eha_bench.targets.resolve import open_target
+
+PUMPED = """\
+plant: pumped
+nodes:
+  shaft:     {kind: rotation}
+  chamber_a: {kind: volume, bulk_modulus: 1.1 GPa}
+  chamber_b: {kind: volume, bulk_modulus: 1.1 GPa}
+  rod:       {kind: translation, mass: 50 kg, stroke: [-100 mm, 100 mm]}
+elements:
+  pump:     {kind: pump, on: shaft, from: chamber_b, to: chamber_a, displacement: 1 cm^3/rad}
+  leak:     {kind: laminar_leakage, between: [chamber_a, chamber_b], conductance: 2e-12 m^3/(s*Pa)}
+  cylinder: {kind: cylinder, on: rod, a: chamber_a, b: chamber_b, area_a: 12 cm^2, area_b: 12 cm^2,
+             dead_volume_a: 50 cm^3, dead_volume_b: 50 cm^3}
+  drag:     {kind: friction, on: rod, coulomb: 100 N, viscous: 2000 N*s/m}
+channels: {motor_speed: shaft.speed, pressure_a: chamber_a.pressure, pressure_b: chamber_b.pressure,
+           piston_position: rod.position}
+"""
+PUMPED_AT = {
+    "motor_speed": (-40.0, 40.0),
+    "pressure_a": (-2e6, 3e6),
+    "pressure_b": (-2e6, 3e6),
+    "piston_position": (-0.05, 0.05),
+}
+SEAL = """\
+plant: seal
+nodes:
+  carriage: {kind: translation}
+  rod:      {kind: translation, mass: 0.3 kg}
+elements:
+  cell: {kind: load_cell, between: [rod, carriage], stiffness: 4e4 N/m, damping: 50 N*s/m}
+  seal: {kind: friction, on: rod, coulomb: 20 N, viscous: 100 N*s/m}
+channels: {carriage_position: carriage.position, cell_force: cell.force}
+"""
+SERVO = """\
+plant: servo
+nodes:
+  shaft:  {kind: rotation}
+  output: {kind: rotation, inertia: 0.03 kg*m^2}
+elements:
+  motor: {kind: motor, on: shaft, resistance: 2.3 ohm, torque_constant: 0.0083 N*m/A,
+          supply_voltage: 12 V}
+  gear:  {kind: gear, from: shaft, to: output, ratio: 193}
+  drag:  {kind: friction, on: output, coulomb: 0.05 N*m, viscous: 0.1 N*m*s/rad}
+  loop:  {kind: position_servo, on: output, motor: motor, proportional: 6 1/rad, period: 1 ms}
+inputs:   {goal: {to: loop.reference, between_samples: hold}}
+channels: {angle: output.angle, speed: output.speed}
+"""
+SERVO_AT = {"goal": (0.5, 1.5), "angle": (0.4, 1.6), "speed": (-4.0, 4.0)}
+
+
+def test_a_measured_pump_speed_is_what_the_experiment_asks_for(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(PUMPED)
+    plant, known = str(tmp_path / "plant.yaml"), ("drag.coulomb", "drag.viscous")
+    rivals = [
+        rival("asymmetric_friction", {"asymmetry": 0.4}, source=plant, known=known),
+        rival("gravity_load", {"gravity_force": 30.0}, source=plant, known=known),
+    ]
+    noise = {"pressure_a": 1e4, "pressure_b": 1e4, "piston_position": 2e-5}
+    folder = write_question(
+        tmp_path / "diagnosis", rivals, noise=noise, extremes=PUMPED_AT, command="motor_speed",
+        piston="free",
+    )  # fmt: skip
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=3.0)
+    assert found.ending is ProposalEnding.PROPOSED
+    suite = load_suite(tmp_path / "next.yaml")
+    (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
+    rig = open_target(str(tmp_path / "rig.yaml"))
+    for trial in suite.trials:
+        assert trial.mode.name == "motor_speed"
+        assert np.abs(trial.reference(trial.clock())).max() <= 40.0
+        rig.check(trial)
+        assert rig.run(trial, 0).ending == "complete"
+    content = load(tmp_path / "next-dataset.yaml")
+    assert list(content["inputs"]) == ["motor_speed"]
+
+
+def test_a_servo_is_asked_through_its_own_loop_and_starts_where_it_is_asked_to_be(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "plant.yaml").write_text(SERVO)
+    plant, known = str(tmp_path / "plant.yaml"), ("drag.viscous",)
+    rivals = [
+        rival("command_delay", {"delay": 8e-3}, source=plant, known=known),
+        rival("current_lag", {"time_constant": 8e-3}, source=plant, known=known),
+    ]
+    noise = {"angle": 1e-3, "speed": 2e-2}
+    folder = write_question(
+        tmp_path / "diagnosis", rivals, noise=noise, extremes=SERVO_AT, command="goal",
+        piston="free",
+    )  # fmt: skip
+    question = read_question(folder)
+    assert Commanded.of(question).follows == "angle"
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=4.0)
+    assert found.ending is ProposalEnding.PROPOSED
+    (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
+    rig = open_target(str(tmp_path / "rig.yaml"))
+    for trial in load_suite(tmp_path / "next.yaml").trials:
+        assert trial.mode.name == "goal"
+        reference = trial.reference(trial.clock())
+        assert reference.min() >= 0.5
+        assert reference.max() <= 1.5
+        recording = rig.run(trial, 0).recording
+        assert recording["angle"][0] == pytest.approx(reference[0])
+
+
+def test_an_imposed_position_is_asked_for_nothing_that_jumps(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(SEAL)
+    plant, known = str(tmp_path / "plant.yaml"), ("seal.coulomb", "seal.viscous")
+    rivals = [
+        rival("asymmetric_friction", {"asymmetry": 0.3}, source=plant, known=known),
+        rival(None, source=plant, known=known),
+    ]
+    folder = write_question(
+        tmp_path / "diagnosis", rivals, noise={"cell_force": 0.1},
+        extremes={"carriage_position": (-0.02, 0.02), "cell_force": (-40.0, 40.0)},
+        command="carriage_position", piston="free",
+    )  # fmt: skip
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=6.0)
+    assert found.ending is ProposalEnding.PROPOSED
+    for trial in load_suite(tmp_path / "next.yaml").trials:
+        reference = trial.reference(trial.clock())
+        assert np.abs(np.diff(reference)).max() < 1e-3
+
+
+def test_what_nothing_can_command_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(
+        "plant: tank\nnodes:\n  tank: {kind: volume, bulk_modulus: 1 GPa, volume: 1e-3 m^3}\n"
+        "  drain: {kind: reservoir, pressure: 0 bar}\n"
+        "elements:\n"
+        "  leak: {kind: laminar_leakage, between: [tank, drain], conductance: 1e-12 m^3/(s*Pa)}\n"
+        "inputs: {drain_pressure: drain.pressure}\nchannels: {pressure_a: tank.pressure}\n"
+    )
+    plant = str(tmp_path / "plant.yaml")
+    folder = write_question(
+        tmp_path / "diagnosis", [rival(None, source=plant, known=("leak.conductance",))],
+        noise={"pressure_a": 1e4},
+        extremes={"pressure_a": (0.0, 1e6), "drain_pressure": (0.0, 1e5)},
+        command="drain_pressure", piston="free",
+    )  # fmt: skip
+    with pytest.raises(InputError, match=r"is a motion that a rig could impose: drain_pressure"):
+        eb.next_experiment(folder, tmp_path / "next.yaml")

@@ -1,0 +1,114 @@
+"""A session of a machine that nothing commands: a motion of one of its parts is imposed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eha_bench as eb
+from eha_bench.core.errors import InputError
+from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.session import Session
+from eha_bench.recordings import read
+
+STEP = 1e-4
+PUMPED = """\
+plant: pumped
+nodes:
+  shaft:     {kind: rotation}
+  chamber_a: {kind: volume, bulk_modulus: 1.1 GPa}
+  chamber_b: {kind: volume, bulk_modulus: 1.1 GPa}
+  rod:       {kind: translation, mass: 50 kg, stroke: [-100 mm, 100 mm]}
+elements:
+  pump:     {kind: pump, on: shaft, from: chamber_b, to: chamber_a, displacement: 1 cm^3/rad}
+  leak:     {kind: laminar_leakage, between: [chamber_a, chamber_b], conductance: 2e-12 m^3/(s*Pa)}
+  cylinder: {kind: cylinder, on: rod, a: chamber_a, b: chamber_b, area_a: 12 cm^2, area_b: 12 cm^2,
+             dead_volume_a: 50 cm^3, dead_volume_b: 50 cm^3}
+  drag:     {kind: friction, on: rod, coulomb: 100 N, viscous: 2000 N*s/m}
+channels: {motor_speed: shaft.speed, pressure_a: chamber_a.pressure, piston_position: rod.position}
+"""
+SEAL = """\
+plant: seal
+nodes:
+  carriage: {kind: translation}
+  rod:      {kind: translation, mass: 0.3 kg}
+elements:
+  cell: {kind: load_cell, between: [rod, carriage], stiffness: 4e4 N/m, damping: 50 N*s/m}
+  seal: {kind: friction, on: rod, coulomb: 20 N, viscous: 100 N*s/m}
+channels: {carriage_position: carriage.position, cell_force: cell.force}
+"""
+SUITE = """\
+name: speeds
+defaults: {sample_rate: 500 Hz}
+trials:
+  - {id: sine, mode: MODE, duration: 1 s, signal: {kind: sine, amplitude: AMPLITUDE,
+     frequency: 1 Hz}}
+"""
+
+
+@pytest.fixture
+def pumped(tmp_path: Path) -> Model:
+    (tmp_path / "plant.yaml").write_text(PUMPED)
+    return load_model(tmp_path / "plant.yaml")
+
+
+def test_moment_by_moment_is_the_whole_simulation(pumped: Model) -> None:
+    plant, vector = pumped.plant, pumped.vector()
+    time = np.arange(400) * 2e-3
+    speed = 30.0 * np.sin(7.0 * time)
+    whole = plant.simulate(vector, Drive(time, {"motor_speed": speed}), STEP)
+    going = Session(plant, vector, {}, step=STEP, command="motor_speed")
+    for k in range(time.size - 1):
+        np.testing.assert_allclose(going.reading, whole[k], rtol=1e-9, atol=1e-9)
+        # an imposed speed is there at the end of the time that it was given for
+        going.advance(time[k + 1], speed[k + 1])
+    np.testing.assert_allclose(going.reading, whole[-1], rtol=1e-9, atol=1e-9)
+    assert np.ptp(whole[:, 2]) > 5e-3
+
+
+def test_a_rod_that_is_moved_does_not_jump(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(SEAL)
+    model = load_model(tmp_path / "plant.yaml")
+    going = Session(model.plant, model.vector(), {}, step=STEP, command="carriage_position")
+    forces = []
+    for k in range(1, 200):
+        going.advance(1e-3 * k, 0.05 * 1e-3 * k)
+        forces.append(float(going.reading[1]))
+    # 0.05 m/s: 20 N and 5 N, not the force of a step every millisecond
+    assert np.abs(forces[-50:]) == pytest.approx(25.0, rel=0.01)
+
+
+def test_a_suite_imposes_the_speed_of_a_pump(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(PUMPED)
+    (tmp_path / "rig.yaml").write_text(
+        "target: simulator\nmodel: plant.yaml\nsensors: {motor_speed: {noise: 0.01 rad/s}}\n"
+    )
+    speeds = SUITE.replace("MODE", "motor_speed").replace("AMPLITUDE", "20 rad/s")
+    (tmp_path / "suite.yaml").write_text(speeds)
+    eb.run(tmp_path / "suite.yaml", tmp_path / "rig.yaml", tmp_path / "out")
+    recording = read(tmp_path / "out/recordings/sine-0.mcap")
+    apart = recording["motor_speed"] - recording["reference"]
+    # what is recorded was measured: with its noise, and one sample behind what was asked for
+    assert 0.0 < np.abs(apart).max() < 0.02 * 20.0 + 0.1
+    assert np.ptp(recording["piston_position"]) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("mode", "amplitude", "said"),
+    [
+        ("pressure", "1 MPa", "a mode can only impose motor_speed or piston_position"),
+        ("piston_position", "1 mm", "'shaft' of pumped has no inertia"),
+    ],
+)
+def test_what_cannot_be_imposed_is_refused(
+    tmp_path: Path, mode: str, amplitude: str, said: str
+) -> None:
+    (tmp_path / "plant.yaml").write_text(PUMPED)
+    (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
+    text = SUITE.replace("MODE", mode).replace("AMPLITUDE", amplitude)
+    (tmp_path / "suite.yaml").write_text(text)
+    with pytest.raises(InputError, match=said):
+        eb.run(tmp_path / "suite.yaml", tmp_path / "rig.yaml", tmp_path / "out")
