@@ -53,7 +53,7 @@ class OtherPlanners:
         self.rivals = rivals_to_separate(question.rivals)
         plant, commanded = self.rivals[0].model.plant, Commanded.of(question)
         self.plant = plant
-        self.bench = Bench.of(question.covered, plant.outputs, commanded.channel)
+        self.bench = Bench.of(question.covered, plant, commanded.channel)
         self.permitted = permitted_ranges(
             plant, commanded, [rival.vector for rival in self.rivals], question.covered, safety
         )

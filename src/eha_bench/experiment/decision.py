@@ -5,7 +5,9 @@ Under the rival q a recording is y = f_q(theta) + noise, theta of its posterior.
 theta_c the model is linear in standard coordinates z of that posterior, so the least cost that a
 refit reaches is min over d of |y - f_q(theta_c) - J_q d|^2 + |z_c + d|^2, which is solved for; the
 best of several centres counts (a Gauss-Newton step from each). A diagnosis names the rival whose
-cost lies below that of every other by its threshold `behind`, a likelihood ratio. Truths are drawn
+cost lies below that of every other by its threshold `behind`, a likelihood ratio. A lead that a
+wrong rival has in the recordings so far has to be made up for as well, and one that the right rival
+has is not counted on: resampling did not confirm either. Truths are drawn
 from each rival's posterior and simulated without linearisation, noise is drawn; how often the right
 rival is named, and how often a wrong one, is counted.
 
@@ -18,6 +20,7 @@ Everything follows from inner products of simulated outputs, which add up over t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -72,11 +75,18 @@ class DrawRows:
     Attributes:
         sizes: number of fitted parameters of each rival. draws: z of each rival's draws, (k, p),
             the first of them zero: the fitted values themselves. causes: of each rival.
+        behind: by how much each lies behind the first in the recordings so far, squares of a
+            standard deviation of the noise.
     """
 
     sizes: tuple[int, ...]
     draws: tuple[FloatArray, ...]
     causes: tuple[str, ...]
+    behind: tuple[float, ...]
+
+    def lead(self, other: int, truth: int) -> float:
+        """Return by how much another rival is ahead of one in the recordings so far, or 0."""
+        return max(self.behind[truth] - self.behind[other], 0.0)
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -119,7 +129,8 @@ def layout_of(
         if rng is not None and draws:
             z[1:] = rng.standard_normal((draws, p))
         found.append(z)
-    return DrawRows(sizes, tuple(found), tuple(rival.cause for rival in rivals))
+    behind = tuple(rival.behind if math.isfinite(rival.behind) else 0.0 for rival in rivals)
+    return DrawRows(sizes, tuple(found), tuple(rival.cause for rival in rivals), behind)
 
 
 def inner_products(
@@ -181,9 +192,10 @@ def shares_of_a_decision(layout: DrawRows, grams: FloatArray) -> FloatArray:
     reached = np.array([distances(layout, gram) for gram in grams])
     parts = np.maximum(np.diff(reached, axis=0, prepend=0.0), 0.0)
     total = np.cumsum(parts, axis=0)
+    leads = np.array([max(layout.lead(r, q), layout.lead(q, r)) for r, q in layout.pairs])
     spread = np.sqrt(np.cumsum(parts**2 + 4.0 * parts, axis=0))
     spread_enough = total / np.maximum(spread, 1e-300) / _SPREAD
-    return np.asarray(np.minimum(reached / _SUFFICES, spread_enough**2).min(axis=1))
+    return np.asarray(np.minimum(reached / (_SUFFICES + leads), spread_enough**2).min(axis=1))
 
 
 def posterior_after(
@@ -239,6 +251,8 @@ def odds(layout: DrawRows, grams: FloatArray) -> tuple[Odds, ...]:
     for truth, rows in enumerate(layout.rows()[0]):
         costs = every[:, :, rows]
         costs = costs[:, :, 1:] if len(layout.draws[truth]) > 1 else costs
+        leads = np.array([layout.lead(other, truth) for other in range(count)])
+        costs = costs - leads[None, :, None, None]
         costs = costs.reshape(blocks, count, -1)
         best = costs.argmin(axis=1)
         gains = costs - costs.min(axis=1, keepdims=True)

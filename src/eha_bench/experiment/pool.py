@@ -243,7 +243,7 @@ def _by_decision(
     """Return a recording with how surely it decides between rivals, or tells one's parameters."""
     rivals, layout, measured = recording.rivals, recording.layout, recording.measured
     plant = rivals[0].model.plant
-    bench = Bench.of(covered, plant.outputs, "")
+    bench = Bench.of(covered, plant, "")
     known = replace(
         bench,
         channels=tuple(name for name in bench.channels if name not in recording.inputs),

@@ -120,7 +120,7 @@ class _Planner:
         self.causes = tuple(dict.fromkeys(rival.cause for rival in self.rivals))
         self.plant = plant = self.rivals[0].model.plant
         commanded = Commanded.of(question)
-        bench = Bench.of(question.covered, plant.outputs, commanded.channel)
+        bench = Bench.of(question.covered, plant, commanded.channel)
         self.permitted: Permitted = permitted_ranges(
             plant, commanded, [rival.vector for rival in self.rivals], question.covered, safety
         )
@@ -131,7 +131,7 @@ class _Planner:
             {key: self._safety(key) for key in self.permitted.limits},
         )
         self.simulator = RivalSimulator(
-            self.rivals, bench, self.permitted, self.plan, seed, progress
+            self.rivals, question.covered, bench, self.permitted, self.plan, seed, progress
         )
 
     def run(self) -> Proposal:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
@@ -15,15 +15,19 @@ from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import Hypothesis
-from eha_bench.experiment.permitted import Limit
+from eha_bench.experiment.permitted import Limit, SetUp
 from eha_bench.plants.network.integration import LANES
-from eha_bench.plants.plant import Drive
+from eha_bench.plants.plant import Drive, Plant
 from eha_bench.posterior.covered import Covered
 
 STEP = 3.4e-4
 """Integration step, s: as coarse as while a diagnosis searches, where differences count."""
 MEMORY = 0.02
 """Correlation time of an unexplained remainder, s: it does not average out as white noise does."""
+REST = 0.5
+"""Time at the first value of the command before a trial, s. A machine is at rest when its trial
+starts, with the pressures that its weights and leaks make; what moves on the way there is in no
+recording, and differs from rival to rival."""
 _SIGMAS = 4.0
 """Noise, in standard deviations, that a reading has to stay off a limit: one sample in 16,000."""
 _REMAINDER = 3.0
@@ -46,6 +50,7 @@ class Bench:
             white noise that is as strong at low frequencies.
         margin: channel -> distance that a prediction keeps from a limit for noise and remainder.
         inputs: channel -> value of what is not commanded, SI. rate: samples a second.
+        pressures: setup -> channel -> what a machine at rest reads there, SI.
     """
 
     channels: tuple[str, ...]
@@ -53,12 +58,13 @@ class Bench:
     margin: Mapping[str, float]
     inputs: Mapping[str, float]
     rate: float
+    pressures: Mapping[SetUp, Mapping[str, float]] = field(default_factory=dict)
 
     @staticmethod
-    def of(covered: Covered, outputs: Sequence[str], command: str) -> Bench:
+    def of(covered: Covered, plant: Plant, command: str) -> Bench:
         """Return the sensors that made the recordings, and what was left unexplained in them."""
         rate = float(f"{covered.rate:.3g}")
-        channels = tuple(name for name in outputs if covered.noise.get(name, 0.0) > 0.0)
+        channels = tuple(name for name in plant.outputs if covered.noise.get(name, 0.0) > 0.0)
         alike = max(1.0, MEMORY * rate)
         noise, margin = [], {}
         for name in channels:
@@ -66,7 +72,15 @@ class Bench:
             noise.append(float(np.sqrt(own**2 + alike * left**2)))
             margin[name] = _SIGMAS * own + _REMAINDER * left
         inputs = {name: ends[2] for name, ends in covered.inputs.items() if name != command}
-        return Bench(channels, np.array(noise), margin, inputs, rate)
+        pressures = {
+            (Piston(item.piston), Bypass(item.bypass)): {
+                name: value
+                for name, value in item.starts.items()
+                if name in plant.roles.pressures and name not in covered.inputs
+            }
+            for item in covered.setups
+        }
+        return Bench(channels, np.array(noise), margin, inputs, rate, pressures)
 
 
 @dataclass(frozen=True)
@@ -121,20 +135,44 @@ def respond(
         rivals: explanations. draws: (m, p) coordinates of each rival's posterior.
         trial: to run. bench: sensors. limits: by channel. commanded: what the trial gives.
     """
-    clock = trial.clock()
-    time = clock - clock[0]
-    inputs = {name: np.full(time.size, value) for name, value in bench.inputs.items()}
-    reference = inputs[commanded.channel] = trial.reference(clock)
+    reference = trial.reference(trial.clock())
+    rest = round(REST * trial.sample_rate)
+    command = np.concatenate((np.full(rest, reference[0]), reference))
+    inputs = {name: np.full(command.size, value) for name, value in bench.inputs.items()}
+    inputs[commanded.channel] = command
+    start = commanded.start(trial, reference)
     drive = Drive(
-        time,
+        np.arange(command.size) / trial.sample_rate,
         inputs,
-        commanded.start(trial, reference),
+        {**bench.pressures.get((trial.setup.piston, trial.setup.bypass), {}), **start},
         locked=trial.setup.piston is Piston.LOCKED,
         bypass_open=trial.setup.bypass is Bypass.OPEN,
     )
     vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
-    outputs = predicted_readings(rivals, vectors, drive)
+    outputs = tuple(
+        _after_rest(readings, rest, {} if commanded.follows else _places_at_start(rival, start))
+        for rival, readings in zip(rivals, predicted_readings(rivals, vectors, drive), strict=True)
+    )
     return Responses(trial, outputs, rooms_of(rivals, vectors, outputs, bench, limits))
+
+
+def _places_at_start(rival: Hypothesis, start: Mapping[str, float]) -> dict[int, float]:
+    """Return the columns that show positions, and where each starts, SI."""
+    plant = rival.model.plant
+    positions = plant.position_range(rival.vector)
+    return {
+        column: start.get(name, 0.0)
+        for column, name in enumerate(plant.outputs)
+        if name in positions
+    }
+
+
+def _after_rest(readings: FloatArray, rest: int, starts: Mapping[int, float]) -> FloatArray:
+    """Return readings from the tick `rest` on; positions start where they are read first."""
+    after = readings[:, rest:]
+    for column, value in starts.items():
+        after[:, :, column] += value - after[:, :1, column]
+    return after
 
 
 def largest(

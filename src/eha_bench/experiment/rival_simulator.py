@@ -23,6 +23,7 @@ from eha_bench.experiment.response import (
     largest,
     respond,
 )
+from eha_bench.posterior.covered import Covered
 
 TOGETHER = 3
 """Most trials of a proposal."""
@@ -71,7 +72,8 @@ class RivalSimulator:
     """What every experiment is simulated with.
 
     Attributes:
-        rivals: explanations. bench: sensors. permitted: what the rig may be asked for.
+        rivals: explanations. covered: where recordings have been. bench: sensors.
+        permitted: what the rig may be asked for.
         plan: what all trials have in common. seed: of all draws.
         progress: called with the stage and the fraction of it done.
         layout: the fitted values and the axes of each posterior, without draws.
@@ -79,6 +81,7 @@ class RivalSimulator:
     """
 
     rivals: tuple[Hypothesis, ...]
+    covered: Covered
     bench: Bench
     permitted: Permitted
     plan: ExperimentSettings
@@ -101,6 +104,25 @@ class RivalSimulator:
         trial = self.plan.trials([experiment], ["t"])[0]
         limits = self.permitted.limits[experiment.setup]
         return respond(self.rivals, layout.points, trial, self.bench, limits, self.plan.commanded)
+
+    def goes_beyond(self, experiment: Experiment, responses: Responses) -> bool:
+        """Whether a rival predicts a channel further than the experiment's setup was recorded."""
+        piston, bypass = experiment.setup
+        setup = self.covered.setup(piston.value, bypass.value)
+        if setup is None:
+            return True
+        return any(
+            any(self.covered.beyond(setup, self._extremes(readings)))
+            for readings in responses.outputs
+        )
+
+    def _extremes(self, readings: FloatArray) -> dict[str, tuple[float, float]]:
+        """Return how far each channel goes at the fitted values, which come first."""
+        fitted = readings[0]
+        return {
+            name: (float(fitted[:, k].min()), float(fitted[:, k].max()))
+            for k, name in enumerate(self.rivals[0].model.plant.outputs)
+        }
 
     def products(
         self, responses: Responses, layout: DrawRows, ticks: Sequence[int], stream: int

@@ -130,12 +130,15 @@ class Separating:
         return best[1], best[2]
 
     def _gentlest(self, chosen: Experiment, layout: DrawRows, expected: Odds) -> Experiment:
-        """Return an experiment at the smallest size that decides as surely in the same time.
+        """Return an experiment at a size within what was recorded, or nearer to it if that decides.
 
         Rivals were fitted to what has been recorded; the further beyond, the less they are worth.
+        Smaller than that is no better: what a machine does in tiny motions was not recorded either.
         """
         while chosen.size > _SMALLEST:
             self.simulator.progress("gentler", 0.0)
+            if not self.simulator.goes_beyond(chosen, self.simulator.respond(chosen, layout)):
+                break
             item = chosen.at_size(_GENTLER * chosen.size)
             responses = self.simulator.respond(item, layout)
             if not responses.safe:

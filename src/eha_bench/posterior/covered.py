@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from eha_bench.core.finite import finite_or_none
@@ -41,16 +41,28 @@ class Beyond:
 
 @dataclass(frozen=True)
 class CoveredSetup:
-    """One setup of the rig, and channel -> (lowest, highest) that was recorded in it, SI."""
+    """One setup of the rig.
+
+    Attributes:
+        piston, bypass: their states.
+        extremes: channel -> (lowest, highest) that was recorded in it, SI.
+        starts: channel -> what it read where recordings begin, the median of them, SI.
+    """
 
     piston: str
     bypass: str
     extremes: Mapping[str, tuple[float, float]]
+    starts: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
         extremes = {name: list(ends) for name, ends in self.extremes.items()}
-        return {"piston": self.piston, "bypass": self.bypass, "extremes": extremes}
+        return {
+            "piston": self.piston,
+            "bypass": self.bypass,
+            "extremes": extremes,
+            "starts": dict(self.starts),
+        }
 
     @staticmethod
     def from_dict(content: Mapping[str, Any]) -> CoveredSetup:
@@ -58,7 +70,8 @@ class CoveredSetup:
         extremes = {
             name: (float(low), float(high)) for name, (low, high) in content["extremes"].items()
         }
-        return CoveredSetup(content["piston"], content["bypass"], extremes)
+        starts = {name: float(value) for name, value in (content.get("starts") or {}).items()}
+        return CoveredSetup(content["piston"], content["bypass"], extremes, starts)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,9 @@ from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.posterior.covered import Covered, CoveredSetup, setup_of
 
+_FIRST = 5
+"""Readings at the start of a recording that are averaged."""
+
 
 def covered_ranges(
     runs: Sequence[Measured],
@@ -26,15 +29,18 @@ def covered_ranges(
         errors: of the revised model on them. dataset: that names them.
     """
     setups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
+    starts: dict[tuple[str, str], dict[str, list[float]]] = {}
     inputs: dict[str, list[np.ndarray]] = {}
     for item in runs:
         setup = setup_of(locked=item.run.locked, bypass_open=item.run.bypass_open)
         own = setups.setdefault(setup, {})
+        began = starts.setdefault(setup, {})
         columns = {name: item.values[item.valid[:, k], k] for k, name in enumerate(item.outputs)}
         for name, values in {**columns, **item.inputs}.items():
             if values.size:
                 low, high = own.get(name, (math.inf, -math.inf))
                 own[name] = min(low, float(values.min())), max(high, float(values.max()))
+                began.setdefault(name, []).append(float(values[:_FIRST].mean()))
         for name, values in item.inputs.items():
             inputs.setdefault(name, []).append(values)
     together = {name: np.concatenate(parts) for name, parts in inputs.items()}
@@ -48,6 +54,13 @@ def covered_ranges(
         {name: (float(v.min()), float(v.max()), float(v.mean())) for name, v in together.items()},
         {name: float(value) for name, value in noise.items()},
         left,
-        tuple(CoveredSetup(*key, extremes) for key, extremes in setups.items()),
+        tuple(
+            CoveredSetup(
+                *key,
+                extremes,
+                {name: float(np.median(values)) for name, values in starts[key].items()},
+            )
+            for key, extremes in setups.items()
+        ),
         str(Path(dataset).resolve()) if Path(dataset).is_file() else "",
     )
