@@ -70,6 +70,19 @@ class Commanded:
             channel in plant.roles.rate_of,
         )
 
+    def at_rest(self, reference: FloatArray, starts: Mapping[str, float]) -> float:
+        """Return what is commanded before a trial, SI.
+
+        What follows a position stands where it is asked to be first; everything else does as where
+        recordings began.
+
+        Args:
+            reference: of the trial, (n,). starts: channel -> what recordings began with, SI.
+        """
+        if self.follows or self.is_imposed_position:
+            return float(reference[0])
+        return starts.get(self.channel, 0.0)
+
     def start(self, trial: Trial, reference: FloatArray) -> dict[str, float]:
         """Return where a trial starts, channel -> SI: a servo where it is asked to be first."""
         own = {self.follows: float(reference[0])} if self.follows else {}

@@ -25,7 +25,7 @@ STEP = 3.4e-4
 MEMORY = 0.02
 """Correlation time of an unexplained remainder, s: it does not average out as white noise does."""
 REST = 0.5
-"""Time at the first value of the command before a trial, s. A machine is at rest when its trial
+"""Time at rest that is simulated before a trial, s. A machine is at rest when its trial
 starts, with the pressures that its weights and leaks make; what moves on the way there is in no
 recording, and differs from rival to rival."""
 _SIGMAS = 4.0
@@ -50,7 +50,8 @@ class Bench:
             white noise that is as strong at low frequencies.
         margin: channel -> distance that a prediction keeps from a limit for noise and remainder.
         inputs: channel -> value of what is not commanded, SI. rate: samples a second.
-        pressures: setup -> channel -> what a machine at rest reads there, SI.
+        starts: setup -> channel -> what a machine at rest reads there, SI: its pressures, and what
+            it is commanded.
     """
 
     channels: tuple[str, ...]
@@ -58,7 +59,7 @@ class Bench:
     margin: Mapping[str, float]
     inputs: Mapping[str, float]
     rate: float
-    pressures: Mapping[SetUp, Mapping[str, float]] = field(default_factory=dict)
+    starts: Mapping[SetUp, Mapping[str, float]] = field(default_factory=dict)
 
     @staticmethod
     def of(covered: Covered, plant: Plant, command: str) -> Bench:
@@ -72,15 +73,15 @@ class Bench:
             noise.append(float(np.sqrt(own**2 + alike * left**2)))
             margin[name] = _SIGMAS * own + _REMAINDER * left
         inputs = {name: ends[2] for name, ends in covered.inputs.items() if name != command}
-        pressures = {
+        starts = {
             (Piston(item.piston), Bypass(item.bypass)): {
                 name: value
                 for name, value in item.starts.items()
-                if name in plant.roles.pressures and name not in covered.inputs
+                if name == command or (name in plant.roles.pressures and name not in covered.inputs)
             }
             for item in covered.setups
         }
-        return Bench(channels, np.array(noise), margin, inputs, rate, pressures)
+        return Bench(channels, np.array(noise), margin, inputs, rate, starts)
 
 
 @dataclass(frozen=True)
@@ -137,14 +138,16 @@ def respond(
     """
     reference = trial.reference(trial.clock())
     rest = round(REST * trial.sample_rate)
-    command = np.concatenate((np.full(rest, reference[0]), reference))
+    at_rest = bench.starts.get((trial.setup.piston, trial.setup.bypass), {})
+    command = np.concatenate((np.full(rest, commanded.at_rest(reference, at_rest)), reference))
     inputs = {name: np.full(command.size, value) for name, value in bench.inputs.items()}
     inputs[commanded.channel] = command
-    start = commanded.start(trial, reference)
+    start = {**at_rest, **commanded.start(trial, reference)}
+    start.pop(commanded.channel, None)
     drive = Drive(
         np.arange(command.size) / trial.sample_rate,
         inputs,
-        {**bench.pressures.get((trial.setup.piston, trial.setup.bypass), {}), **start},
+        start,
         locked=trial.setup.piston is Piston.LOCKED,
         bypass_open=trial.setup.bypass is Bypass.OPEN,
     )

@@ -33,7 +33,7 @@ from eha_bench.diagnosis.data.noise import THIRD
 _DEGREE = 2
 _FLICKERS = 0.5
 """Least noise in steps of the resolution."""
-_FEWEST = 256
+FEWEST = 256
 """Least number of quiet samples of a channel: a correlation of 0.3 is then seen."""
 _NOT_BY_CHANCE = 4.26
 """In standard errors: one white channel in a hundred thousand is taken for coloured."""
@@ -126,7 +126,7 @@ def colour_of(stretches: Sequence[FloatArray]) -> Colour | None:
     Args:
         stretches: each (n,), of nothing but noise, a constant and a parabola.
     """
-    if sum(values.size for values in stretches) < _FEWEST:
+    if sum(values.size for values in stretches) < FEWEST:
         return None
     if _standard_errors(stretches) < _NOT_BY_CHANCE:
         return None

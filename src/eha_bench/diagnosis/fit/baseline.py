@@ -12,6 +12,7 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.data.colour import FEWEST
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import admit, restful_channels
 from eha_bench.diagnosis.data.measured import Measured, notes_of_runs, pooled_noise
@@ -277,8 +278,14 @@ def _with_what_tells(
 
 
 def _rest_is_seen(measured: Sequence[Measured]) -> bool:
-    """Whether any run shows its sensors' noise alone, while nothing moves."""
-    return any(True for item in measured for _ in quiet_stretches(item))
+    """Whether runs show their sensors' noise alone, while nothing moves, for long enough."""
+    samples = 0
+    for item in measured:
+        for stretch in quiet_stretches(item):
+            samples += max((values.size for values in stretch.values()), default=0)
+            if samples >= FEWEST:
+                return True
+    return False
 
 
 def _at_their_angles(

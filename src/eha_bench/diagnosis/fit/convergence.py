@@ -92,12 +92,21 @@ def convergence(fit: Fit, starts: int = 1, agreed: int = 1) -> Convergence:
     Args:
         fit: with the Jacobian at its own place. starts, agreed: as `MultistartFit` has them.
     """
-    found = determined_directions(fit)
-    decrement = float(np.sum(found.slopes**2 / found.information))
+    decrement = left_to_gain(fit)
     readings = fit.residual[: fit.residual.size - fit.beliefs]
     ratio = float(np.sqrt(np.mean(readings**2))) if readings.size else float("nan")
     level, bounds = _level(fit), _bounds(fit)
-    return Convergence(float(np.sqrt(max(decrement, 0.0) / level)), ratio, starts, agreed, bounds)
+    return Convergence(float(np.sqrt(decrement / level)), ratio, starts, agreed, bounds)
+
+
+def left_to_gain(fit: Fit) -> float:
+    """Return by how much one more Gauss-Newton step is predicted to lower a fit's cost.
+
+    Args:
+        fit: with the Jacobian at its own place.
+    """
+    found = determined_directions(fit)
+    return max(float(np.sum(found.slopes**2 / found.information)), 0.0)
 
 
 @dataclass(frozen=True)

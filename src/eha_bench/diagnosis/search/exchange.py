@@ -15,6 +15,7 @@ from dataclasses import replace
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement, compare, excess
+from eha_bench.diagnosis.fit.finish import lowest_fit
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.bounds import are_inside
@@ -134,7 +135,11 @@ def put_in_place(search: Search, item: Accepted, other: Accepted, fit: Fit) -> N
 
 
 def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:
-    """Return the fit with a candidate in the place of what was added."""
+    """Return the fit with a candidate in the place of what was added, at the bottom of its cost.
+
+    What was found has been fitted on and on. A rival that stops in a long valley (of mass and bulk
+    modulus, whose ratio alone shows) would be behind for that, and be predicted from there.
+    """
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral
     for at, _ in trial.start.settings:
@@ -147,7 +152,8 @@ def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:
         for free in free_of(search, vector, [trial.start])
         if free.key not in item.start.keys or free.key in trial.start.keys
     )
-    return levenberg_marquardt(search.problem, vector, free, iterations=6, refresh=1)
+    fit = levenberg_marquardt(search.problem, vector, free, iterations=6, refresh=1)
+    return lowest_fit(search.problem, fit)
 
 
 def compared(search: Search, item: Accepted, fit: Fit) -> Improvement:

@@ -10,8 +10,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
+from eha_bench.diagnosis.fit.convergence import left_to_gain
 from eha_bench.diagnosis.fit.evidence import compare
-from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
+from eha_bench.diagnosis.fit.finish import lowest_fit
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
@@ -196,6 +198,8 @@ def _refit_promising(
 def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
     order = sorted(finals, key=lambda item: item.fit.cost)
+    order[:_FINALISTS] = [_arrived(search, trial) for trial in order[:_FINALISTS]]
+    order.sort(key=lambda item: item.fit.cost)
     top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
     least = rival_share(CLOSE, top, search.excess_left.total) * top
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
@@ -203,8 +207,25 @@ def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
         return [_with_its_shape(search, order[0]), *order[1:]] if order else []
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
-    done = [replace(t, fit=polish_at_rest(search, t.fit, [t.start])) for t in close]
+    done = [replace(t, fit=_to_the_bottom(search, t)) for t in close]
     return [*done, *(item for item in order if all(item is not other for other in close))]
+
+
+def _arrived(search: Search, trial: Refit) -> Refit:
+    """Return a refit that gains something at the bottom of its cost, where it says it is not there.
+
+    Steps stop early in long valleys: a natural frequency and a damping that had imitated a delay
+    lead back from it in hundreds of them, and a lag that never left would win.
+    """
+    gains = trial.fit.cost < search.fit.cost
+    if not gains or left_to_gain(trial.fit) < search.thresholds.behind:
+        return trial
+    return replace(trial, fit=lowest_fit(search.problem, trial.fit))
+
+
+def _to_the_bottom(search: Search, trial: Refit) -> Fit:
+    """Fit a rival until nothing is gained, with friction at rest as the data ask for."""
+    return lowest_fit(search.problem, polish_at_rest(search, trial.fit, [trial.start]))
 
 
 def _with_its_shape(search: Search, trial: Refit) -> Refit:
