@@ -53,6 +53,8 @@ _LEAST_EXCESS = 30.0
 """Least excess, in cost, that is."""
 _HALF, _NEARLY_ALL = 0.5, 0.98
 """Shares of what is missing between which a candidate's shape may be off."""
+_FORESEEN = 5.0
+"""Multiple of what one more step is predicted to gain that a fit in a long valley may gain."""
 _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
@@ -197,9 +199,7 @@ def _refit_promising(
 
 def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
-    order = sorted(finals, key=lambda item: item.fit.cost)
-    order[:_FINALISTS] = [_arrived(search, trial) for trial in order[:_FINALISTS]]
-    order.sort(key=lambda item: item.fit.cost)
+    order = _arrived(search, finals)
     top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
     least = rival_share(CLOSE, top, search.excess_left.total) * top
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
@@ -211,16 +211,25 @@ def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     return [*done, *(item for item in order if all(item is not other for other in close))]
 
 
-def _arrived(search: Search, trial: Refit) -> Refit:
-    """Return a refit that gains something at the bottom of its cost, where it says it is not there.
+def _arrived(search: Search, finals: Sequence[Refit]) -> list[Refit]:
+    """Return refits in order, those that may yet be close rivals at the bottom of their cost.
 
     Steps stop early in long valleys: a natural frequency and a damping that had imitated a delay
     lead back from it in hundreds of them, and a lag that never left would win.
     """
-    gains = trial.fit.cost < search.fit.cost
-    if not gains or left_to_gain(trial.fit) < search.thresholds.behind:
-        return trial
-    return replace(trial, fit=lowest_fit(search.problem, trial.fit))
+    order = sorted(finals, key=lambda item: item.fit.cost)
+    top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
+    least = rival_share(CLOSE, top, search.excess_left.total) * top
+
+    def may_be_close(trial: Refit) -> bool:
+        gain, left = search.fit.cost - trial.fit.cost, left_to_gain(trial.fit)
+        return gain > 0.0 and left > search.thresholds.behind and gain + _FORESEEN * left > least
+
+    done = [
+        replace(t, fit=lowest_fit(search.problem, t.fit)) if may_be_close(t) else t
+        for t in order[:_FINALISTS]
+    ]
+    return sorted([*done, *order[_FINALISTS:]], key=lambda item: item.fit.cost)
 
 
 def _to_the_bottom(search: Search, trial: Refit) -> Fit:
