@@ -56,6 +56,7 @@ def write_question(
     noise: Mapping[str, float] = NOISE,
     extremes: Mapping[str, tuple[float, float]] = LOCKED,
     unexplained: Mapping[str, float] | None = None,
+    starts: Mapping[str, float] | None = None,
     command: str = "current_command",
     piston: str = "locked",
 ) -> Path:
@@ -67,7 +68,7 @@ def write_question(
         {command: (*extremes[command], 0.0)},
         noise,
         unexplained or {},
-        (CoveredSetup(piston, "closed", extremes),),
+        (CoveredSetup(piston, "closed", extremes, starts or {}),),
     )
     contents = []
     for number, item in enumerate(rivals):

@@ -14,6 +14,7 @@ from eha_bench.core.yaml_file import load
 from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import read_question
 from eha_bench.experiment.proposal import ProposalEnding
+from eha_bench.experiment.response import Bench, respond
 from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
 
@@ -71,7 +72,7 @@ def test_a_measured_pump_speed_is_what_the_experiment_asks_for(tmp_path: Path) -
     plant, known = str(tmp_path / "plant.yaml"), ("drag.coulomb", "drag.viscous")
     rivals = [
         rival("asymmetric_friction", {"asymmetry": 0.4}, source=plant, known=known),
-        rival("gravity_load", {"gravity_force": 30.0}, source=plant, known=known),
+        rival(None, source=plant, known=known),
     ]
     noise = {"pressure_a": 1e4, "pressure_b": 1e4, "piston_position": 2e-5}
     folder = write_question(
@@ -157,3 +158,31 @@ def test_what_nothing_can_command_is_refused(tmp_path: Path) -> None:
     )  # fmt: skip
     with pytest.raises(InputError, match=r"is a motion that a rig could impose: drain_pressure"):
         eb.next_experiment(folder, tmp_path / "next.yaml")
+
+
+def test_a_trial_starts_from_the_pressures_that_recordings_began_with(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(PUMPED)
+    plant, known = str(tmp_path / "plant.yaml"), ("drag.coulomb",)
+    began = {"pressure_a": 5.0e6, "pressure_b": 5.1e6, "motor_speed": 0.0, "piston_position": 0.03}
+    folder = write_question(
+        tmp_path / "diagnosis",
+        [rival("gravity_load", {"gravity_force": 60.0}, source=plant, known=known)],
+        noise={"pressure_a": 1e4, "piston_position": 2e-5}, extremes=PUMPED_AT, starts=began,
+        command="motor_speed", piston="free",
+    )  # fmt: skip
+    question = read_question(folder)
+    rivals, commanded = question.rivals, Commanded.of(question)
+    bench = Bench.of(question.covered, rivals[0].model.plant, commanded.channel)
+    suite = (
+        "name: next\ntrials:\n  - {id: jump, mode: motor_speed, duration: 0.2 s,"
+        " signal: {kind: constant, value: 20 rad/s}}\n"
+    )
+    (tmp_path / "jump.yaml").write_text(suite)
+    trial = load_suite(tmp_path / "jump.yaml").trials[0]
+    found = respond(rivals, [np.zeros((1, len(rivals[0].keys)))], trial, bench, {}, commanded)
+    readings = dict(zip(rivals[0].model.plant.outputs, found.outputs[0][0].T, strict=True))
+    # friction holds the weight: nothing has moved on the way, and nothing was commanded yet
+    assert readings["pressure_a"][0] == pytest.approx(5.0e6, abs=2e5)
+    assert readings["piston_position"][0] == 0.0
+    assert readings["motor_speed"][0] == pytest.approx(20.0)
+    assert readings["piston_position"][-1] > 1e-3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,7 +35,8 @@ def linear(
     noise = rng.standard_normal((NOISES, means[0].size))
     rows = np.vstack([*outputs, *(j.T for j in slopes), noise])
     named = tuple(causes or map(str, range(len(slopes))))
-    return DrawRows(tuple(j.shape[1] for j in slopes), tuple(z), named), rows, outputs
+    behind = (0.0,) * len(slopes)
+    return DrawRows(tuple(j.shape[1] for j in slopes), tuple(z), named, behind), rows, outputs
 
 
 def test_the_least_cost_is_that_of_a_fit_with_the_posterior_as_prior():
@@ -89,6 +91,37 @@ def test_a_known_distance_gives_the_probability_of_normal_gains(distance: float)
     expected = np.mean(whole >= DISTINGUISHED)
     scatter = np.sqrt(expected * (1.0 - expected) / (8 * NOISES)) + 0.01
     assert np.mean(right) == pytest.approx(expected, abs=3.5 * scatter)
+
+
+def test_a_lead_of_a_wrong_rival_has_to_be_made_up_for():
+    size = 800
+    rng = np.random.default_rng(5)
+    step = np.full(size, np.sqrt(80.0 / size))
+    nothing = np.zeros((size, 1))
+    layout, rows, _ = linear(rng, [0.0 * step, step], [nothing, nothing], 0)
+    even = odds(layout, blocks_of(rows, 40))[-1]
+    ahead = odds(replace(layout, behind=(0.0, 100.0)), blocks_of(rows, 40))[-1]
+    assert even.by_rival["0"] == ahead.by_rival["0"] > 0.9
+    assert even.by_rival["1"] > 0.9
+    # 80 of gain, and 100 to make up for
+    assert ahead.by_rival["1"] < 0.3
+    needed = [shares_of_a_decision(item, blocks_of(rows, 40))[-1]
+              for item in (layout, replace(layout, behind=(0.0, 100.0)))]  # fmt: skip
+    assert needed[0] > 2.0 * needed[1]
+
+
+def test_a_refit_does_not_begin_at_the_truth():
+    # two rivals that are one curved model, each drawn by itself: neither can be named more often
+    rng = np.random.default_rng(6)
+    size, draws = 200, 12
+    z = [np.vstack([np.zeros(1), rng.standard_normal((draws, 1))]) for _ in range(2)]
+    shapes = rng.standard_normal((2, size))
+    outputs = [own * shapes[0] + own**2 * shapes[1] for own in z]
+    rows = np.vstack([*outputs, shapes[:1], shapes[:1], rng.standard_normal((NOISES, size))])
+    layout = DrawRows((1, 1), tuple(z), ("a", "b"), (0.0, 0.0))
+    (found,) = odds(layout, (rows @ rows.T)[None])
+    assert found.right < 0.5
+    assert abs(found.right - found.wrong) < 0.3
 
 
 def test_rivals_that_predict_the_same_are_never_named():

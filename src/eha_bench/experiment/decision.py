@@ -232,6 +232,10 @@ def least_costs(layout: DrawRows, gram: FloatArray, rival: int) -> FloatArray:
         + 2.0 * left[d, m][:, :, None] - 2.0 * left[d, c][:, None, :]
         - 2.0 * left[m, c][None, :, :]
     )  # fmt: skip
+    if len(z) > 1:
+        # a refit does not begin at the truth: the other rivals have no such centre either
+        itself = np.arange(len(z))
+        costs[own.start + itself, :, itself] = np.inf
     return np.asarray(costs.min(axis=2))
 
 
