@@ -12,6 +12,7 @@ from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.evidence import Excess, Groups, compare
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
+from eha_bench.suites import load_suite
 
 RUNS, BLOCKS, ROWS = 4, 10, 20
 SIZE = RUNS * BLOCKS * ROWS
@@ -66,3 +67,40 @@ def test_a_delay_that_a_slower_spool_imitates_is_found_by_what_is_believed_of_th
     found = diagnose(rig.record_first(tmp_path), tmp_path / "found")
     left = {item.cause for item in found.rivals if item.standing != "runner_up"}
     assert left == {"command_delay", "valve_lag"}
+
+
+@pytest.mark.slow
+def test_a_delay_is_named_alone_once_small_steps_are_recorded_as_well(tmp_path: Path) -> None:
+    """Its fit is long: it leads back from a spool that had imitated it.
+
+    The log rests for 0.4 s: too short to show that the pressures' noise has a memory.
+    """
+    rig = rigs_of("valve_cylinder", foreign=False)["command_delay"](1200)
+    rig.record_first(tmp_path)
+    steps = load_suite({
+        "name": "steps",
+        "defaults": {"sample_rate": "500 Hz"},
+        "trials": [{
+            "id": "steps", "mode": "valve_command", "duration": "1 s",
+            "signal": {"kind": "steps", "initial": 0.0, "at": "0.05 s", "hold": "0.0512 s",
+                       "levels": [0.35 * k for k in (1.0, -1.0, 0.5, -0.5, 0.0)] * 4},
+        }],
+    }).trials  # fmt: skip
+    rows = [rig.perform(trial, tmp_path / trial.id)[0] for trial in steps]
+    found = diagnose(rig.dataset(tmp_path, "both.yaml", rows), tmp_path / "found")
+    assert [effect.id for effect in found.effects] == ["command_delay"]
+    assert found.equivalent == ()
+    assert any("pressure_a" in note and "not white" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_a_rival_in_a_long_valley_is_not_behind(tmp_path: Path) -> None:
+    """Mass and bulk modulus of a short sine: only their ratio shows; each fit stopped elsewhere.
+
+    A lopsided dry friction and a weight along a slide are one force.
+    """
+    rig = rigs_of("valve_cylinder", foreign=False)["gravity_load"](1200)
+    found = diagnose(rig.record_first(tmp_path), tmp_path / "found")
+    behind = {item.id: item.behind for item in found.rivals if item.standing != "runner_up"}
+    assert behind.keys() >= {"gravity_load", "asymmetric_friction"}
+    assert abs(behind["gravity_load"] - behind["asymmetric_friction"]) < 3.0

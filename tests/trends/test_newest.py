@@ -42,7 +42,11 @@ def test_own_intervals_keep_nights_that_lie_close_by_chance_from_an_alarm() -> N
     assert newest_of(close, 0.4).p_value > 0.1
 
 
-@given(st.lists(st.floats(-1e3, 1e3), min_size=7, max_size=40), st.floats(1e-3, 1e3))
+@given(
+    # what is next to nothing becomes nothing in another unit
+    st.lists(st.floats(-1e3, 1e3).map(lambda value: round(value, 6)), min_size=7, max_size=40),
+    st.floats(1e-3, 1e3),
+)
 def test_units_do_not_matter(values: list[float], factor: float) -> None:
     nights = np.array(values)
     one, other = newest_of(nights, math.nan), newest_of(factor * nights, math.nan)
