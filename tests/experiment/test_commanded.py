@@ -111,6 +111,7 @@ def test_a_servo_is_asked_through_its_own_loop_and_starts_where_it_is_asked_to_b
     assert Commanded.of(question).follows == "angle"
     found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=4.0)
     assert found.ending is ProposalEnding.PROPOSED
+    assert " rad" in found.trials[0].words
     (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
     rig = open_target(str(tmp_path / "rig.yaml"))
     for trial in load_suite(tmp_path / "next.yaml").trials:

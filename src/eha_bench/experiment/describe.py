@@ -26,7 +26,7 @@ _NO_ROOM = 1e6
 
 def words_of(candidate: Experiment, plan: ExperimentSettings) -> str:
     """Say what a trial does."""
-    signal = candidate.signal(plan.command[candidate.setup], plan.commanded.unit)
+    signal = candidate.signal(plan.command[candidate.setup], plan.commanded.si_unit)
     phrases = {
         "steps": "steps of up to {most}, each held for {hold}",
         "ramp": "a ramp to {final} over {over}",
