@@ -90,6 +90,15 @@ def test_an_equivalent_that_fits_as_well_stays_beside() -> None:
     assert (item.start.candidate, item.equivalent) == (ALIKE, (TRUE,))
 
 
+def test_of_two_equivalents_with_as_many_parameters_the_likelier_comes_first() -> None:
+    search = taken_for_equal(search_of(problem(likeness=1.0 - 1e-5), "viscous_friction"))
+    before = search.fit.cost
+    take_better_equivalents(search)
+    (item,) = search.accepted
+    assert (item.start.candidate, item.equivalent) == (TRUE, (ALIKE,))
+    assert 1.0 < before - search.fit.cost < Thresholds().gain
+
+
 def test_the_wrong_look_alike_is_replaced(tried: list[Any]) -> None:
     search = search_of(problem(), "viscous_friction")
     add(search, ALIKE, TRUE, OTHER)

@@ -28,6 +28,8 @@ _RIVALS = 3
 CLOSE = 0.4
 """Share of the best one's gain from which a rival may still overtake it."""
 _TRIED = 3
+_ROUNDING = 1.0
+"""Fall of the cost that is none: a fit ends where less is to be gained."""
 
 
 def exchange(search: Search) -> bool:
@@ -56,9 +58,10 @@ def exchange(search: Search) -> bool:
 
 
 def take_better_equivalents(search: Search) -> None:
-    """Let an equivalent take an effect's place where it fits clearly better in the end.
+    """Let an equivalent take an effect's place where it fits better in the end.
 
-    In a look each is refitted for so long only; fitted on, one may leave the other behind.
+    In a look each is refitted for so long only; fitted on, one may leave the other behind. One that
+    has more parameters has to do so clearly; of two that have as many, the likelier comes first.
     """
     for item in list(search.effects):
         trials = [one for one in search.look_of(item) if one.candidate in item.equivalent]
@@ -68,7 +71,7 @@ def take_better_equivalents(search: Search) -> None:
         best, fit = min(ends, key=lambda end: end[1].cost)
         others = [other.start for other in search.accepted if other is not item]
         if (
-            fit.cost > search.fit.cost - search.thresholds.least_gain(search.excess_left)
+            not _is_likelier(search, item, best, fit)
             or not are_inside(search, [best.start, *others], fit.vector)
             or yields_to(search, best.candidate, fit.vector) == item.start.candidate
         ):
@@ -82,6 +85,15 @@ def take_better_equivalents(search: Search) -> None:
         if is_as_good(search, search.fit, fit, found.gain):
             equal = (item.start.candidate, *equal)
         put_in_place(search, item, Accepted(best.start, found, equal), fit)
+
+
+def _is_likelier(search: Search, item: Accepted, trial: Refit, fit: Fit) -> bool:
+    """Whether an equivalent, fitted to the end in an item's place, is to be named before it."""
+    if fit.cost <= search.fit.cost - search.thresholds.least_gain(search.excess_left):
+        return True
+    if len(trial.start.keys) > len(item.start.keys) or fit.cost >= search.fit.cost - _ROUNDING:
+        return False
+    return fit.cost < lowest_fit(search.problem, search.fit).cost - _ROUNDING
 
 
 def _rivals(search: Search, item: Accepted) -> list[Start]:
