@@ -116,4 +116,4 @@ class OtherPlanners:
         trial = self.plan.trials([item], ["t"])[0]
         found = respond(rivals, layout.points, trial, self.bench, {}, self.plan.commanded)
         ticks = [round(self.seconds * self.bench.rate)]
-        return inner_products(layout, found.outputs, self.plant.outputs, self.bench, ticks, [seed])
+        return inner_products(layout, found.outputs, self.plant.outputs, found.bench, ticks, [seed])

@@ -10,6 +10,7 @@ from experiment_question import rival, write_question
 
 import eha_bench as eb
 from eha_bench.core.errors import InputError
+from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.yaml_file import load
 from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import read_question
@@ -187,3 +188,17 @@ def test_a_trial_starts_from_the_pressures_that_recordings_began_with(tmp_path: 
     assert readings["piston_position"][0] == 0.0
     assert readings["motor_speed"][0] == pytest.approx(20.0)
     assert readings["piston_position"][-1] > 1e-3
+
+
+def test_what_is_predicted_beyond_the_recordings_is_less_certain() -> None:
+    setup = (Piston.FREE, Bypass.CLOSED)
+    bench = Bench(
+        ("speed",), np.array([0.1]), {}, {}, 1000.0, recorded={setup: {"speed": (-4.0, 6.0)}}
+    )
+    inside = bench.beyond(setup, {"speed": np.array([-3.0, 6.0])})
+    assert inside.noise == pytest.approx([0.1])
+    # 10 further up and 2 further down: 1 % of 12, of which 20 ms are as one sample
+    outside = bench.beyond(setup, {"speed": np.array([-6.0, 16.0])})
+    assert outside.noise == pytest.approx([np.hypot(0.1, np.sqrt(20.0) * 0.12)])
+    never = bench.beyond((Piston.LOCKED, Bypass.CLOSED), {"speed": np.array([0.0, 10.0])})
+    assert never.noise == pytest.approx([np.hypot(0.1, np.sqrt(20.0) * 0.1)])

@@ -15,7 +15,7 @@ from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.decision import DrawRows, distances, inner_products, layout_of
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.proposal import NEAR, Band, PlannedTrial, Proposal
-from eha_bench.experiment.response import Bench, LimitMargin, Responses
+from eha_bench.experiment.response import LimitMargin, Responses
 
 _POINTS = 800
 _OUTSIDE = 0.05
@@ -130,13 +130,12 @@ def planned_trial(
     rivals: Sequence[Hypothesis],
     layout: DrawRows,
     responses: Responses,
-    bench: Bench,
 ) -> PlannedTrial:
     """Return a trial with what each rival predicts of it.
 
     Args:
         name: its id. candidate, plan: what it is. rivals, layout: what was simulated.
-        responses: the simulation. bench: sensors.
+        responses: the simulation.
     """
     plant = rivals[0].model.plant
     clock = responses.trial.clock()
@@ -144,7 +143,7 @@ def planned_trial(
     bands = {}
     for rival, outputs, z in zip(rivals, responses.outputs, layout.draws, strict=True):
         own = {}
-        for channel in bench.channels:
+        for channel in responses.bench.channels:
             curves = outputs[: len(z), ::every, plant.outputs.index(channel)]
             low, high = np.quantile(curves, [_OUTSIDE, 1.0 - _OUTSIDE], axis=0)
             own[channel] = Band(curves[0], low, high)
@@ -158,7 +157,7 @@ def planned_trial(
         time,
         responses.trial.reference(clock)[::every],
         bands,
-        separation(rivals, layout, responses, bench, range(1, clock.size + 1, every)),
+        separation(rivals, layout, responses, range(1, clock.size + 1, every)),
         responses.rooms,
         (piston.value, bypass.value),
         dict(plant.units),
@@ -170,13 +169,12 @@ def separation(
     rivals: Sequence[Hypothesis],
     layout: DrawRows,
     responses: Responses,
-    bench: Bench,
     ticks: Sequence[int],
 ) -> FloatArray:
     """Return the squared distance of the nearest two rivals up to each tick, 0 for one rival.
 
     Args:
-        rivals, layout, responses, bench: as of `planned_trial`. ticks: increasing.
+        rivals, layout, responses: as of `planned_trial`. ticks: increasing.
     """
     if not layout.pairs:
         return np.zeros(len(ticks))
@@ -187,5 +185,5 @@ def separation(
         for outputs, z in zip(responses.outputs, layout.draws, strict=True)
     ]
     outputs = rivals[0].model.plant.outputs
-    grams = inner_products(fitted, simulated, outputs, bench, ticks, [0])
+    grams = inner_products(fitted, simulated, outputs, responses.bench, ticks, [0])
     return np.array([float(distances(fitted, gram).min()) for gram in grams])

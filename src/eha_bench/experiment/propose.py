@@ -255,10 +255,9 @@ class _Planner:
             done.append(simulator.simulated(experiment, responses, layout, 100 + number))
             trials.append(
                 planned_trial(
-                    f"part_{len(done)}", experiment, self.plan, self.rivals, layout, responses,
-                    simulator.bench,
+                    f"part_{len(done)}", experiment, self.plan, self.rivals, layout, responses
                 )
-            )  # fmt: skip
+            )
         if not done:
             return self._none_permitted(
                 "over fresh draws of the rivals' posteriors no experiment keeps every limit",

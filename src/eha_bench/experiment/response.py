@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -28,6 +29,9 @@ REST = 0.5
 """Time at rest that is simulated before a trial, s. A machine is at rest when its trial
 starts, with the pressures that its weights and leaks make; what moves on the way there is in no
 recording, and differs from rival to rival."""
+_FORM = 0.01
+"""Error of a form beyond what was recorded, as a share of the way: a friction that is fitted to
+slow motions was off by that much in ones ten times as large."""
 _SIGMAS = 4.0
 """Noise, in standard deviations, that a reading has to stay off a limit: one sample in 16,000."""
 _REMAINDER = 3.0
@@ -52,6 +56,7 @@ class Bench:
         inputs: channel -> value of what is not commanded, SI. rate: samples a second.
         starts: setup -> channel -> what a machine at rest reads there, SI: its pressures, and what
             it is commanded.
+        recorded: setup -> channel -> (lowest, highest), SI.
     """
 
     channels: tuple[str, ...]
@@ -60,13 +65,14 @@ class Bench:
     inputs: Mapping[str, float]
     rate: float
     starts: Mapping[SetUp, Mapping[str, float]] = field(default_factory=dict)
+    recorded: Mapping[SetUp, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
 
     @staticmethod
     def of(covered: Covered, plant: Plant, command: str) -> Bench:
         """Return the sensors that made the recordings, and what was left unexplained in them."""
         rate = float(f"{covered.rate:.3g}")
         channels = tuple(name for name in plant.outputs if covered.noise.get(name, 0.0) > 0.0)
-        alike = max(1.0, MEMORY * rate)
+        alike = _alike(rate)
         noise, margin = [], {}
         for name in channels:
             own, left = covered.noise[name], covered.unexplained.get(name, 0.0)
@@ -81,7 +87,35 @@ class Bench:
             }
             for item in covered.setups
         }
-        return Bench(channels, np.array(noise), margin, inputs, rate, starts)
+        recorded = {
+            (Piston(item.piston), Bypass(item.bypass)): item.extremes for item in covered.setups
+        }
+        return Bench(channels, np.array(noise), margin, inputs, rate, starts, recorded)
+
+    def beyond(self, setup: SetUp, readings: Mapping[str, FloatArray]) -> Bench:
+        """Return it with the error of forms where predictions go beyond what was recorded.
+
+        Two forms that are alike in what was recorded part further away from it, and so does the
+        machine from both: an error of `_FORM` of the way beyond, in the noise as a remainder is.
+
+        Args:
+            setup: of the trial. readings: channel -> predictions, SI.
+        """
+        known, alike = self.recorded.get(setup, {}), _alike(self.rate)
+        noise = self.noise.copy()
+        for column, name in enumerate(self.channels):
+            low, high = known.get(name, (math.inf, -math.inf))
+            lowest, highest = float(readings[name].min()), float(readings[name].max())
+            inside = max(min(highest, high) - max(lowest, low), 0.0)
+            noise[column] = math.sqrt(
+                noise[column] ** 2 + alike * (_FORM * (highest - lowest - inside)) ** 2
+            )
+        return replace(self, noise=noise)
+
+
+def _alike(rate: float) -> float:
+    """Return how many samples of an unexplained remainder are as one."""
+    return max(1.0, MEMORY * rate)
 
 
 @dataclass(frozen=True)
@@ -108,11 +142,14 @@ class Responses:
 
     Attributes:
         trial: what was simulated.
-        outputs: of each rival, (m, n, outputs) SI. rooms: what is left of every limit.
+        outputs: of each rival, (m, n, outputs) SI.
+        bench: what measures it, with the error of forms where it goes beyond what was recorded.
+        rooms: what is left of every limit.
     """
 
     trial: Trial
     outputs: tuple[FloatArray, ...]
+    bench: Bench
     rooms: tuple[LimitMargin, ...]
 
     @property
@@ -156,7 +193,13 @@ def respond(
         _after_rest(readings, rest, {} if commanded.follows else _places_at_start(rival, start))
         for rival, readings in zip(rivals, predicted_readings(rivals, vectors, drive), strict=True)
     )
-    return Responses(trial, outputs, rooms_of(rivals, vectors, outputs, bench, limits))
+    fitted = np.stack([item[0] for item in outputs])
+    names = rivals[0].model.plant.outputs
+    here = bench.beyond(
+        (trial.setup.piston, trial.setup.bypass),
+        {name: fitted[:, :, column] for column, name in enumerate(names)},
+    )
+    return Responses(trial, outputs, here, rooms_of(rivals, vectors, outputs, bench, limits))
 
 
 def _places_at_start(rival: Hypothesis, start: Mapping[str, float]) -> dict[int, float]:

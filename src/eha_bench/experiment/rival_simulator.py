@@ -130,7 +130,7 @@ class RivalSimulator:
         """Return inner products up to each tick; `stream` numbers the draws of noise."""
         outputs = self.rivals[0].model.plant.outputs
         drawn = [self.seed, stream]
-        return inner_products(layout, responses.outputs, outputs, self.bench, ticks, drawn)
+        return inner_products(layout, responses.outputs, outputs, responses.bench, ticks, drawn)
 
     def ticks(self, experiment: Experiment) -> tuple[int, ...]:
         """Return the tick at the end of each block."""

@@ -48,7 +48,8 @@ def advice(
         noise = _noise(name, float(np.ptp(reads)))
         if not noise > 0.0:
             continue
-        more = replace(bench, channels=(*bench.channels, name), noise=np.append(bench.noise, noise))
+        here = responses.bench
+        more = replace(here, channels=(*here.channels, name), noise=np.append(here.noise, noise))
         ticks = [responses.outputs[0].shape[1]]
         grams = inner_products(layout, responses.outputs, plant.outputs, more, ticks, [7])
         (found,) = odds(layout, grams)
