@@ -226,6 +226,7 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
     [
         ((0.02, 0.03), {}, None, ""),
         ((0.02, 0.5), {}, "relief_valve", "is at its bound, 0.5"),
+        ((0.0, 0.03), {}, "entrained_air", "does nothing"),
         ((0.02, 0.03), {"p": error(1.0, 1.5)}, "entrained_air", "held-out"),
     ],
 )

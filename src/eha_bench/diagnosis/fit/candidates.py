@@ -22,6 +22,8 @@ LEARNED = "learned"
 """Id of the effect that holds a learned curve; it is never a named cause."""
 
 _AT = 1e-3
+_OFF = 1e-9
+"""Share of the first strength that is rounding."""
 """Distance of a strength from its bound, in starting strengths, that is none."""
 _ASSUMED_OFF_BY, _DECLARED_OFF_BY = 2.0, 10.0
 """Factor by which an assumed value, and the size of a declared effect, may be wrong."""
@@ -74,6 +76,11 @@ class Start:
             if bound != self.neutral and abs(strength - bound) <= near:
                 return bound
         return None
+
+    def is_off(self, vector: FloatArray) -> bool:
+        """Whether the strength in a vector is one at which the effect does nothing."""
+        away = abs(float(vector[self.strength_at]) - self.neutral)
+        return away <= _OFF * abs(self.strength - self.neutral)
 
     @property
     def is_parameter(self) -> bool:

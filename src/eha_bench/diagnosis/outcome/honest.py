@@ -182,6 +182,8 @@ def _at_bound(search: Search, item: Accepted, vector: FloatArray) -> str:
     bound = item.start.bound_met(vector)
     if bound is not None:
         return f"its strength is at its bound, {bound:.4g}"
+    if item.start.is_off(vector):
+        return "fitted to the end it does nothing"
     reached = search.problem.places.bound_met(item.start.keys, vector)
     if reached is None:
         return ""
