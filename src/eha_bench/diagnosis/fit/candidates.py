@@ -22,9 +22,9 @@ LEARNED = "learned"
 """Id of the effect that holds a learned curve; it is never a named cause."""
 
 _AT = 1e-3
+"""Distance of a strength from its bound, in starting strengths, that is none."""
 _OFF = 1e-9
 """Share of the first strength that is rounding."""
-"""Distance of a strength from its bound, in starting strengths, that is none."""
 _ASSUMED_OFF_BY, _DECLARED_OFF_BY = 2.0, 10.0
 """Factor by which an assumed value, and the size of a declared effect, may be wrong."""
 _SAME = 0.01
