@@ -56,7 +56,7 @@ class Bench:
         inputs: channel -> value of what is not commanded, SI. rate: samples a second.
         starts: setup -> channel -> what a machine at rest reads there, SI: its pressures, and what
             it is commanded.
-        recorded: setup -> channel -> (lowest, highest), SI.
+        recorded: setup -> channel -> (lowest, highest), SI. positions: channels that are.
     """
 
     channels: tuple[str, ...]
@@ -66,6 +66,7 @@ class Bench:
     rate: float
     starts: Mapping[SetUp, Mapping[str, float]] = field(default_factory=dict)
     recorded: Mapping[SetUp, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    positions: frozenset[str] = frozenset()
 
     @staticmethod
     def of(covered: Covered, plant: Plant, command: str) -> Bench:
@@ -90,13 +91,15 @@ class Bench:
         recorded = {
             (Piston(item.piston), Bypass(item.bypass)): item.extremes for item in covered.setups
         }
-        return Bench(channels, np.array(noise), margin, inputs, rate, starts, recorded)
+        positions = frozenset(plant.roles.rate_of)
+        return Bench(channels, np.array(noise), margin, inputs, rate, starts, recorded, positions)
 
     def beyond(self, setup: SetUp, readings: Mapping[str, FloatArray]) -> Bench:
         """Return it with the error of forms where predictions go beyond what was recorded.
 
         Two forms that are alike in what was recorded part further away from it, and so does the
         machine from both: an error of `_FORM` of the way beyond, in the noise as a remainder is.
+        Another place is no further out by itself: how fast a machine goes and what it carries is.
 
         Args:
             setup: of the trial. readings: channel -> predictions, SI.
@@ -104,6 +107,8 @@ class Bench:
         known, alike = self.recorded.get(setup, {}), _alike(self.rate)
         noise = self.noise.copy()
         for column, name in enumerate(self.channels):
+            if name in self.positions:
+                continue
             low, high = known.get(name, (math.inf, -math.inf))
             lowest, highest = float(readings[name].min()), float(readings[name].max())
             inside = max(min(highest, high) - max(lowest, low), 0.0)
