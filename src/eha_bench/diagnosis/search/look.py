@@ -17,6 +17,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
+from eha_bench.diagnosis.search.equivalent import is_far_above_noise
 from eha_bench.diagnosis.search.exchange import CLOSE
 from eha_bench.diagnosis.search.hidden_starts import with_hidden_starts
 from eha_bench.diagnosis.search.refit import (
@@ -207,7 +208,8 @@ def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
         return [_with_its_shape(search, order[0]), *order[1:]] if order else []
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
-    done = [replace(t, fit=_to_the_bottom(search, t)) for t in close]
+    fits = [polish_at_rest(search, t.fit, [t.start]) for t in close]
+    done = [replace(t, fit=_at_the_bottom(search, fit)) for t, fit in zip(close, fits, strict=True)]
     return [*done, *(item for item in order if all(item is not other for other in close))]
 
 
@@ -226,15 +228,15 @@ def _arrived(search: Search, finals: Sequence[Refit]) -> list[Refit]:
         return gain > 0.0 and left > search.thresholds.behind and gain + _FORESEEN * left > least
 
     done = [
-        replace(t, fit=lowest_fit(search.problem, t.fit)) if may_be_close(t) else t
+        replace(t, fit=_at_the_bottom(search, t.fit)) if may_be_close(t) else t
         for t in order[:_FINALISTS]
     ]
     return sorted([*done, *order[_FINALISTS:]], key=lambda item: item.fit.cost)
 
 
-def _to_the_bottom(search: Search, trial: Refit) -> Fit:
-    """Fit a rival until nothing is gained, with friction at rest as the data ask for."""
-    return lowest_fit(search.problem, polish_at_rest(search, trial.fit, [trial.start]))
+def _at_the_bottom(search: Search, fit: Fit) -> Fit:
+    """Return a fit after which nothing is gained; far above the noise last steps tell little."""
+    return fit if is_far_above_noise(fit) else lowest_fit(search.problem, fit)
 
 
 def _with_its_shape(search: Search, trial: Refit) -> Refit:
