@@ -10,10 +10,9 @@ from collections.abc import Iterator
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.candidates import Start, effect_starts
-from eha_bench.diagnosis.fit.finish import lowest_fit
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.search.equivalent import is_as_good
-from eha_bench.diagnosis.search.refit import free_of
+from eha_bench.diagnosis.search.refit import at_the_bottom, free_of
 from eha_bench.diagnosis.search.state import Accepted, Search
 
 _TRIED = 8
@@ -71,7 +70,7 @@ def _best_fit(search: Search, item: Accepted, other: Start, start: Start, fit: F
         levenberg_marquardt(search.problem, vector, free, iterations=6, refresh=1)
         for vector in _sizes(other, start, fit)
     ]
-    return lowest_fit(search.problem, min(fits, key=lambda one: one.cost))
+    return at_the_bottom(search, min(fits, key=lambda one: one.cost))
 
 
 def _sizes(other: Start, start: Start, fit: Fit) -> Iterator[FloatArray]:

@@ -15,12 +15,11 @@ from dataclasses import replace
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement, compare, excess
-from eha_bench.diagnosis.fit.finish import lowest_fit
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good
-from eha_bench.diagnosis.search.refit import Near, free_of, polish_at_rest
+from eha_bench.diagnosis.search.refit import Near, at_the_bottom, free_of, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
 from eha_bench.diagnosis.search.yielding import yields_to
 
@@ -93,7 +92,7 @@ def _is_likelier(search: Search, item: Accepted, trial: Refit, fit: Fit) -> bool
         return True
     if len(trial.start.keys) > len(item.start.keys) or fit.cost >= search.fit.cost - _ROUNDING:
         return False
-    return fit.cost < lowest_fit(search.problem, search.fit).cost - _ROUNDING
+    return fit.cost < at_the_bottom(search, search.fit).cost - _ROUNDING
 
 
 def _rivals(search: Search, item: Accepted) -> list[Start]:
@@ -165,7 +164,7 @@ def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:
         if free.key not in item.start.keys or free.key in trial.start.keys
     )
     fit = levenberg_marquardt(search.problem, vector, free, iterations=6, refresh=1)
-    return lowest_fit(search.problem, fit)
+    return at_the_bottom(search, fit)
 
 
 def compared(search: Search, item: Accepted, fit: Fit) -> Improvement:

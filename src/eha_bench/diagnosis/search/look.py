@@ -12,16 +12,15 @@ from dataclasses import replace
 from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
 from eha_bench.diagnosis.fit.convergence import left_to_gain
 from eha_bench.diagnosis.fit.evidence import compare
-from eha_bench.diagnosis.fit.finish import lowest_fit
-from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
-from eha_bench.diagnosis.search.equivalent import is_far_above_noise
 from eha_bench.diagnosis.search.exchange import CLOSE
 from eha_bench.diagnosis.search.hidden_starts import with_hidden_starts
 from eha_bench.diagnosis.search.refit import (
     Near,
+    at_the_bottom,
     free_of,
     is_bent,
     polish_afresh,
@@ -209,7 +208,7 @@ def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
     fits = [polish_at_rest(search, t.fit, [t.start]) for t in close]
-    done = [replace(t, fit=_at_the_bottom(search, fit)) for t, fit in zip(close, fits, strict=True)]
+    done = [replace(t, fit=at_the_bottom(search, fit)) for t, fit in zip(close, fits, strict=True)]
     return [*done, *(item for item in order if all(item is not other for other in close))]
 
 
@@ -228,15 +227,10 @@ def _arrived(search: Search, finals: Sequence[Refit]) -> list[Refit]:
         return gain > 0.0 and left > search.thresholds.behind and gain + _FORESEEN * left > least
 
     done = [
-        replace(t, fit=_at_the_bottom(search, t.fit)) if may_be_close(t) else t
+        replace(t, fit=at_the_bottom(search, t.fit)) if may_be_close(t) else t
         for t in order[:_FINALISTS]
     ]
     return sorted([*done, *order[_FINALISTS:]], key=lambda item: item.fit.cost)
-
-
-def _at_the_bottom(search: Search, fit: Fit) -> Fit:
-    """Return a fit after which nothing is gained; far above the noise last steps tell little."""
-    return fit if is_far_above_noise(fit) else lowest_fit(search.problem, fit)
 
 
 def _with_its_shape(search: Search, trial: Refit) -> Refit:

@@ -15,6 +15,7 @@ from eha_bench.diagnosis.fit.beliefs import is_beyond
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.convergence import has_gone_far
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
+from eha_bench.diagnosis.fit.finish import lowest_fit
 from eha_bench.diagnosis.fit.friction_at_rest import (
     at_rest,
     friction_at_rest,
@@ -27,7 +28,7 @@ from eha_bench.diagnosis.fit.settled import settled_fit_of_one
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic
-from eha_bench.diagnosis.search.equivalent import tie
+from eha_bench.diagnosis.search.equivalent import is_far_above_noise, tie
 from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, scan
 from eha_bench.diagnosis.search.screen import Screen, Screened, starting_point, unlike
 from eha_bench.diagnosis.search.state import Refit, Search, rival_share
@@ -89,6 +90,11 @@ def polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
     free = free_of(search, rough.vector, extra)
     fit = levenberg_marquardt(search.problem, rough.vector, free, known=rough.columns, refresh=1)
     return settled_fit_of_one(search.problem, fit)
+
+
+def at_the_bottom(search: Search, fit: Fit) -> Fit:
+    """Return a fit after which nothing is gained; far above the noise last steps tell little."""
+    return fit if is_far_above_noise(fit) else lowest_fit(search.problem, fit)
 
 
 def polish_afresh(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
