@@ -131,7 +131,10 @@ def _best(
         near = Near(search, coarse)
         near.promising(starts, _TRIED)
         trials = near.trials(_TRIED)
-        done = [replace(t, fit=polish_at_rest(search, t.fit, [t.start])) for t in trials[:2]]
+        done = [
+            replace(t, fit=at_the_bottom(search, polish_at_rest(search, t.fit, [t.start])))
+            for t in trials[:2]
+        ]
         kept_too = [other.start for other in others]
         inside = [t for t in done if are_inside(search, [t.start, *kept_too], t.fit.vector)]
         return min(inside, key=lambda trial: trial.fit.cost, default=None)
