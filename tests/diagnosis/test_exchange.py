@@ -185,7 +185,7 @@ def test_an_interruption_leaves_the_search_as_it_was(
         raise KeyboardInterrupt
 
     stopped: Callable[..., None] = stop
-    monkeypatch.setattr(module, "polish_at_rest", stopped)
+    monkeypatch.setattr(module, "polish_to_the_bottom", stopped)
     with pytest.raises(KeyboardInterrupt):
         exchange(search)
     assert (search.fit, search.excess_left, search.accepted, search.problem) == kept

@@ -139,6 +139,7 @@ class Simulator(Target):
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
         """Run one repeat; the same trial, repeat and files give the same recording."""
+        command = self._command(trial)
         session = Session(
             self._plant,
             self._vector,
@@ -147,7 +148,7 @@ class Simulator(Target):
             bypass_open=trial.setup.bypass is Bypass.OPEN,
             step=self._step,
             start=float(trial.clock()[0]),
-            command=self._command(trial),
+            command=command,
         )
         loop = ClosedLoop(
             trial,
@@ -157,7 +158,7 @@ class Simulator(Target):
             self._sensors,
             self._constants(),
             {name: unit for name, unit in self.units.items() if name not in CHANNELS},
-            "" if self._command(trial) in self._plant.imposable_motions else self._command(trial),
+            "" if command in self._plant.imposable_motions else command,
         )
         return loop.run(session, stopping)
 

@@ -19,7 +19,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good
-from eha_bench.diagnosis.search.refit import Near, at_the_bottom, free_of, polish_at_rest
+from eha_bench.diagnosis.search.refit import Near, at_the_bottom, free_of, polish_to_the_bottom
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
 from eha_bench.diagnosis.search.yielding import yields_to
 
@@ -131,10 +131,7 @@ def _best(
         near = Near(search, coarse)
         near.promising(starts, _TRIED)
         trials = near.trials(_TRIED)
-        done = [
-            replace(t, fit=at_the_bottom(search, polish_at_rest(search, t.fit, [t.start])))
-            for t in trials[:2]
-        ]
+        done = [replace(t, fit=polish_to_the_bottom(search, t.fit, [t.start])) for t in trials[:2]]
         kept_too = [other.start for other in others]
         inside = [t for t in done if are_inside(search, [t.start, *kept_too], t.fit.vector)]
         return min(inside, key=lambda trial: trial.fit.cost, default=None)

@@ -19,7 +19,7 @@ from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.forms import take_best_form
-from eha_bench.diagnosis.search.refit import Near, Nearby, at_the_bottom, is_bent, polish_at_rest
+from eha_bench.diagnosis.search.refit import Near, Nearby, is_bent, polish_to_the_bottom
 from eha_bench.diagnosis.search.settle import rebase, settle
 from eha_bench.diagnosis.search.state import Accepted, Search, starts_of
 
@@ -149,10 +149,7 @@ def _best(search: Search) -> Nearby | None:
     least = _ARRIVING * search.thresholds.together * search.excess_base.total
     done = [pair for pair in done if search.base.cost - _cost(pair) > least]
     # what polishes prepares the search's own windows: one after the other
-    done = [
-        Nearby(p.starts, at_the_bottom(search, polish_at_rest(search, p.fit, p.starts)))
-        for p in done
-    ]
+    done = [Nearby(p.starts, polish_to_the_bottom(search, p.fit, p.starts)) for p in done]
     inside = [pair for pair in done if are_inside(search, pair.starts, pair.fit.vector)]
     return min(inside, key=_cost, default=None)
 

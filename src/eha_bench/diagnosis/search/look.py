@@ -25,6 +25,7 @@ from eha_bench.diagnosis.search.refit import (
     is_bent,
     polish_afresh,
     polish_at_rest,
+    polish_to_the_bottom,
     refit,
 )
 from eha_bench.diagnosis.search.screen import Screen, Screened
@@ -200,15 +201,13 @@ def _refit_promising(
 def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
     order = _arrived(search, finals)
-    top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
-    least = rival_share(CLOSE, top, search.excess_left.total) * top
+    least = _least_of_close(search, order)
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
     if len(close) < 2:
         return [_with_its_shape(search, order[0]), *order[1:]] if order else []
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
-    fits = [polish_at_rest(search, t.fit, [t.start]) for t in close]
-    done = [replace(t, fit=at_the_bottom(search, fit)) for t, fit in zip(close, fits, strict=True)]
+    done = [replace(t, fit=polish_to_the_bottom(search, t.fit, [t.start])) for t in close]
     return [*done, *(item for item in order if all(item is not other for other in close))]
 
 
@@ -219,8 +218,7 @@ def _arrived(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     lead back from it in hundreds of them, and a lag that never left would win.
     """
     order = sorted(finals, key=lambda item: item.fit.cost)
-    top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
-    least = rival_share(CLOSE, top, search.excess_left.total) * top
+    least = _least_of_close(search, order)
 
     def may_be_close(trial: Refit) -> bool:
         gain, left = search.fit.cost - trial.fit.cost, left_to_gain(trial.fit)
@@ -231,6 +229,12 @@ def _arrived(search: Search, finals: Sequence[Refit]) -> list[Refit]:
         for t in order[:_FINALISTS]
     ]
     return sorted([*done, *order[_FINALISTS:]], key=lambda item: item.fit.cost)
+
+
+def _least_of_close(search: Search, finals: Sequence[Refit]) -> float:
+    """Return the fall of the cost from which a refit is a close rival of the best one."""
+    top = max((search.fit.cost - item.fit.cost for item in finals), default=0.0)
+    return rival_share(CLOSE, top, search.excess_left.total) * top
 
 
 def _with_its_shape(search: Search, trial: Refit) -> Refit:

@@ -114,6 +114,11 @@ def polish_at_rest(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
     return polish(search, at_rest(search.problem.at_step(COARSE), rough), extra)
 
 
+def polish_to_the_bottom(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
+    """Fit as `polish_at_rest` does, until nothing is gained."""
+    return at_the_bottom(search, polish_at_rest(search, rough, extra))
+
+
 def restarted_fit(search: Search, vector: FloatArray, extra: Sequence[Start]) -> Fit:
     """Fit from declared values, over short windows first and then over long ones.
 

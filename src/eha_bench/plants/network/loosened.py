@@ -188,8 +188,7 @@ class _Loosened(Parametrised):
         Raises:
             InputError: no controller inside the plant follows that.
         """
-        loose = self._loose.following(reference)
-        return _Loosened(self._of, self.vector, loose, self._play, self._tried, self._hidden)
+        return self._driven(self._loose.following(reference))
 
     def imposing(self, motion: str) -> Parametrised:
         """Return it driven by a motion.
@@ -197,7 +196,10 @@ class _Loosened(Parametrised):
         Raises:
             InputError: nothing can impose that motion, or it leaves another one undetermined.
         """
-        loose = self._loose.imposing(motion)
+        return self._driven(self._loose.imposing(motion))
+
+    def _driven(self, loose: Parametrised) -> _Loosened:
+        """Return it with what is simulated driven in another way."""
         return _Loosened(self._of, self.vector, loose, self._play, self._tried, self._hidden)
 
     @property
