@@ -57,6 +57,7 @@ def write_question(
     extremes: Mapping[str, tuple[float, float]] = LOCKED,
     unexplained: Mapping[str, float] | None = None,
     starts: Mapping[str, float] | None = None,
+    input_noise: Mapping[str, float] | None = None,
     command: str = "current_command",
     piston: str = "locked",
 ) -> Path:
@@ -69,6 +70,7 @@ def write_question(
         noise,
         unexplained or {},
         (CoveredSetup(piston, "closed", extremes, starts or {}),),
+        input_noise=input_noise or {},
     )
     contents = []
     for number, item in enumerate(rivals):

@@ -18,39 +18,14 @@ from eha_bench.experiment.proposal import ProposalEnding
 from eha_bench.experiment.response import Bench, respond
 from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
+from imposed_plants import PUMPED, SEAL
 
-PUMPED = """\
-plant: pumped
-nodes:
-  shaft:     {kind: rotation}
-  chamber_a: {kind: volume, bulk_modulus: 1.1 GPa}
-  chamber_b: {kind: volume, bulk_modulus: 1.1 GPa}
-  rod:       {kind: translation, mass: 50 kg, stroke: [-100 mm, 100 mm]}
-elements:
-  pump:     {kind: pump, on: shaft, from: chamber_b, to: chamber_a, displacement: 1 cm^3/rad}
-  leak:     {kind: laminar_leakage, between: [chamber_a, chamber_b], conductance: 2e-12 m^3/(s*Pa)}
-  cylinder: {kind: cylinder, on: rod, a: chamber_a, b: chamber_b, area_a: 12 cm^2, area_b: 12 cm^2,
-             dead_volume_a: 50 cm^3, dead_volume_b: 50 cm^3}
-  drag:     {kind: friction, on: rod, coulomb: 100 N, viscous: 2000 N*s/m}
-channels: {motor_speed: shaft.speed, pressure_a: chamber_a.pressure, pressure_b: chamber_b.pressure,
-           piston_position: rod.position}
-"""
 PUMPED_AT = {
     "motor_speed": (-40.0, 40.0),
     "pressure_a": (-2e6, 3e6),
     "pressure_b": (-2e6, 3e6),
     "piston_position": (-0.05, 0.05),
 }
-SEAL = """\
-plant: seal
-nodes:
-  carriage: {kind: translation}
-  rod:      {kind: translation, mass: 0.3 kg}
-elements:
-  cell: {kind: load_cell, between: [rod, carriage], stiffness: 4e4 N/m, damping: 50 N*s/m}
-  seal: {kind: friction, on: rod, coulomb: 20 N, viscous: 100 N*s/m}
-channels: {carriage_position: carriage.position, cell_force: cell.force}
-"""
 SERVO = """\
 plant: servo
 nodes:
@@ -92,6 +67,48 @@ def test_a_measured_pump_speed_is_what_the_experiment_asks_for(tmp_path: Path) -
         assert rig.run(trial, 0).ending == "complete"
     content = load(tmp_path / "next-dataset.yaml")
     assert list(content["inputs"]) == ["motor_speed"]
+
+
+@pytest.mark.parametrize(("limit", "low", "high"), [
+    ("-25 rad/s .. 25 rad/s", -25.0, 25.0),
+    ("<= 25 rad/s", -30.0, 25.0),
+    (None, -30.0, 30.0),
+])  # fmt: skip
+def test_an_imposed_motion_keeps_its_own_limit_by_its_sensors_noise(
+    tmp_path: Path, limit: str | None, low: float, high: float
+) -> None:
+    (tmp_path / "plant.yaml").write_text(PUMPED)
+    plant, known = str(tmp_path / "plant.yaml"), ("drag.coulomb", "drag.viscous")
+    rivals = [
+        rival("asymmetric_friction", {"asymmetry": 0.4}, source=plant, known=known),
+        rival(None, source=plant, known=known),
+    ]
+    sigma = 0.1
+    folder = write_question(
+        tmp_path / "diagnosis", rivals,
+        noise={"pressure_a": 1e4, "pressure_b": 1e4, "piston_position": 2e-5},
+        extremes={**PUMPED_AT, "motor_speed": (-30.0, 30.0)}, input_noise={"motor_speed": sigma},
+        command="motor_speed", piston="free",
+    )  # fmt: skip
+    safety = None
+    if limit is not None:
+        safety = tmp_path / "safe.yaml"
+        safety.write_text(
+            "name: safe\ntrials:\n  - {id: a, mode: motor_speed, duration: 1 s, setup: {piston: "
+            f"free}}, signal: {{kind: constant, value: 0 rad/s}}, safety: {{motor_speed: {limit}, "
+            "pressure_a: -10 MPa .. 10 MPa, piston_position: -90 mm .. 90 mm}}\n"
+        )
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=3.0, safety=safety)
+    assert found.ending is ProposalEnding.PROPOSED
+    for trial in load_suite(tmp_path / "next.yaml").trials:
+        reference = trial.reference(trial.clock())
+        assert reference.min() >= low + 4 * sigma
+        assert reference.max() <= high - 4 * sigma
+        (carried,) = [item for item in trial.safety if item.channel == "motor_speed"]
+        assert carried.bounds.high <= high + 4 * sigma
+        assert carried.bounds.low <= low + 4 * sigma
+        rooms = {room.channel: room for room in found.trials[0].rooms}
+        assert 0.0 < rooms["motor_speed"].used <= 1.0
 
 
 def test_a_servo_is_asked_through_its_own_loop_and_starts_where_it_is_asked_to_be(

@@ -28,6 +28,7 @@ class Commanded:
         unit: behind every level in a suite, "" for plain SI. si_unit: SI unit, for people.
         limit: the largest value either way that the plant follows, SI; inf for none.
         follows: position that a controller inside the plant makes follow it, "" for none.
+        is_imposed: whether it is a motion of a part, which a sensor reads as well.
         is_imposed_position: whether it is a position of a part, which cannot jump.
     """
 
@@ -37,6 +38,7 @@ class Commanded:
     si_unit: str
     limit: float
     follows: str = ""
+    is_imposed: bool = False
     is_imposed_position: bool = False
 
     @staticmethod
@@ -67,6 +69,7 @@ class Commanded:
             unit or plant.units.get(channel, ""),
             min((float(plant.command_limit(vector)) for vector in vectors), default=math.inf),
             plant.followed_by(channel) if channel in plant.references else "",
+            channel in _motions(plant, inputs),
             channel in plant.roles.rate_of,
         )
 

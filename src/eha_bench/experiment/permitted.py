@@ -24,7 +24,10 @@ SetUp = tuple[Piston, Bypass]
 
 PLANT, RECORDINGS = "the plant", "the recordings"
 """Who says so, where no file does."""
-_SIGMAS = 4.0
+SIGMAS = 4.0
+"""Noise, in standard deviations, that a reading has to stay off a limit: one sample in 16,000."""
+SHARE = 0.03
+"""Further margin, as a share of the distance between a channel's start and its limit."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,18 @@ class Limit:
         low, high = max(self.low, other.low), min(self.high, other.high)
         tighter = other if (low, high) != (self.low, self.high) else self
         return Limit(low, high, min(self.rate, other.rate), tighter.reason)
+
+    def inside(self, margin: float) -> Limit:
+        """Return what may be asked for where a reading of it, with its noise, has to keep this.
+
+        Args:
+            margin: that noise takes, SI.
+        """
+        way = self.high - self.low
+        if math.isinf(way):
+            way = min(abs(self.low), abs(self.high))
+        off = margin + (SHARE * way if math.isfinite(way) else 0.0)
+        return Limit(self.low + off, self.high - off, self.rate, self.reason)
 
 
 @dataclass(frozen=True)
@@ -82,7 +97,7 @@ def permitted_ranges(
         InputError: the file is wrong, or says nothing of what is safe.
     """
     seen = {
-        (Piston(item.piston), Bypass(item.bypass)): {
+        item.setup: {
             name: Limit(
                 low - _noise(covered, name), high + _noise(covered, name), reason=RECORDINGS
             )
@@ -95,8 +110,14 @@ def permitted_ranges(
     plants_own = Limit(-commanded.limit, commanded.limit, reason=PLANT)
     if channel in ends:
         plants_own = plants_own.within(ends.pop(channel))
+
+    def asked_within(limit: Limit) -> Limit:
+        # what is measured has to keep its limit by what the sensor reads of it
+        read = limit.inside(_noise(covered, channel)) if commanded.is_imposed else limit
+        return plants_own.within(read)
+
     asked = {
-        key: plants_own.within(own[channel])
+        key: asked_within(own[channel])
         for key, own in seen.items()
         if _can(plant, key) and channel in own
     }
@@ -106,7 +127,7 @@ def permitted_ranges(
                 {
                     name: limit
                     for name, limit in seen[key].items()
-                    if name in plant.outputs and name != channel
+                    if name in plant.outputs and (commanded.is_imposed or name != channel)
                 },
                 ends,
             )
@@ -119,13 +140,22 @@ def permitted_ranges(
     command = plants_own
     for name in dict.fromkeys((channel, commanded.mode)):
         if name in file.channels:
-            command = command.within(file.channels[name])
+            command = command.within(asked_within(file.channels[name]))
     setups = [key for key in file.setups if _can(plant, key)] or list(asked)
-    if math.isinf(command.low) or math.isinf(command.high):
-        # no limit is given: as much as it has been
-        for own in asked.values():
-            command = own if math.isinf(command.low) else _widest(command, own)
-    channels = {name: item for name, item in file.channels.items() if name != channel}
+    if asked and (math.isinf(command.low) or math.isinf(command.high)):
+        # an end without a limit: as far as it has been
+        command = command.within(
+            Limit(
+                min(own.low for own in asked.values()) if math.isinf(command.low) else -math.inf,
+                max(own.high for own in asked.values()) if math.isinf(command.high) else math.inf,
+                reason=RECORDINGS,
+            )
+        )
+    channels = {
+        name: item
+        for name, item in file.channels.items()
+        if commanded.is_imposed or name != channel
+    }
     return Permitted(
         dict.fromkeys(setups, command),
         dict.fromkeys(setups, _both(channels, ends)),
@@ -196,7 +226,7 @@ def _of_drive(path: Path) -> _SafetyFile:
 
 def _noise(covered: Covered, name: str) -> float:
     """Return what noise alone may read beyond where a channel has been, SI."""
-    return _SIGMAS * covered.noise.get(name, 0.0)
+    return SIGMAS * covered.sensor_noise(name)
 
 
 def _can(plant: Plant, setup: SetUp) -> bool:
@@ -220,7 +250,3 @@ def _both(first: Mapping[str, Limit], second: Mapping[str, Limit]) -> dict[str, 
     for name, item in second.items():
         out[name] = out[name].within(item) if name in out else item
     return out
-
-
-def _widest(first: Limit, second: Limit) -> Limit:
-    return Limit(min(first.low, second.low), max(first.high, second.high), reason=first.reason)

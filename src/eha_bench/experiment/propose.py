@@ -323,7 +323,7 @@ class _Planner:
         found: dict[str, Any] = {}
         for name, limit in self.permitted.limits[setup].items():
             stated = limit.reason not in (PLANT, RECORDINGS) or (
-                limit.reason == RECORDINGS and self.question.covered.noise.get(name, 0.0) > 0.0
+                limit.reason == RECORDINGS and self.question.covered.sensor_noise(name) > 0.0
             )
             if name in measured and stated and (text := _limit_text(limit)):
                 unit = {"unit": self.plant.units.get(name, "")}

@@ -16,7 +16,7 @@ from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import Hypothesis
-from eha_bench.experiment.permitted import Limit, SetUp
+from eha_bench.experiment.permitted import SHARE, SIGMAS, Limit, SetUp
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.plant import Drive, Plant
 from eha_bench.posterior.covered import Covered
@@ -32,8 +32,6 @@ recording, and differs from rival to rival."""
 _FORM = 0.01
 """Error of a form beyond what was recorded, as a share of the way: a friction that is fitted to
 slow motions was off by that much in ones ten times as large."""
-_SIGMAS = 4.0
-"""Noise, in standard deviations, that a reading has to stay off a limit: one sample in 16,000."""
 _REMAINDER = 3.0
 _TAIL = 3.1
 """Standard deviations that one of a thousand draws goes beyond."""
@@ -41,8 +39,6 @@ _SIZES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
 """Shares of an experiment's size that are tried, the largest first."""
 SMALLEST = _SIZES[-1]
 """... and the last."""
-_SHARE = 0.03
-"""Further margin, as a share of the distance between a channel's start and its limit."""
 
 
 @dataclass(frozen=True)
@@ -78,19 +74,18 @@ class Bench:
         for name in channels:
             own, left = covered.noise[name], covered.unexplained.get(name, 0.0)
             noise.append(float(np.sqrt(own**2 + alike * left**2)))
-            margin[name] = _SIGMAS * own + _REMAINDER * left
+            margin[name] = SIGMAS * own + _REMAINDER * left
+        margin |= {name: SIGMAS * own for name, own in covered.input_noise.items()}
         inputs = {name: ends[2] for name, ends in covered.inputs.items() if name != command}
         starts = {
-            (Piston(item.piston), Bypass(item.bypass)): {
+            item.setup: {
                 name: value
                 for name, value in item.starts.items()
                 if name == command or (name in plant.roles.pressures and name not in covered.inputs)
             }
             for item in covered.setups
         }
-        recorded = {
-            (Piston(item.piston), Bypass(item.bypass)): item.extremes for item in covered.setups
-        }
+        recorded = {item.setup: item.extremes for item in covered.setups}
         positions = frozenset(plant.roles.rate_of)
         return Bench(channels, np.array(noise), margin, inputs, rate, starts, recorded, positions)
 
@@ -180,7 +175,8 @@ def respond(
     """
     reference = trial.reference(trial.clock())
     rest = round(REST * trial.sample_rate)
-    at_rest = bench.starts.get((trial.setup.piston, trial.setup.bypass), {})
+    setup = (trial.setup.piston, trial.setup.bypass)
+    at_rest = bench.starts.get(setup, {})
     command = np.concatenate((np.full(rest, commanded.at_rest(reference, at_rest)), reference))
     inputs = {name: np.full(command.size, value) for name, value in bench.inputs.items()}
     inputs[commanded.channel] = command
@@ -201,7 +197,7 @@ def respond(
     fitted = np.stack([item[0] for item in outputs])
     names = rivals[0].model.plant.outputs
     here = bench.beyond(
-        (trial.setup.piston, trial.setup.bypass),
+        setup,
         {name: fitted[:, :, column] for column, name in enumerate(names)},
     )
     return Responses(trial, outputs, here, rooms_of(rivals, vectors, outputs, bench, limits))
@@ -327,12 +323,12 @@ def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> LimitMar
         if not np.isfinite(end):
             continue
         gone = side * (extreme - begin) + margin
-        allowed = (1.0 - _SHARE) * way
+        allowed = (1.0 - SHARE) * way
         # what starts at its limit, as a shaft at rest against a stop, may stay there
         used = max(used, gone / allowed if allowed > 0.0 else (np.inf if gone > margin else 0.0))
     if np.isfinite(limit.rate):
         rate = float(np.abs(np.diff(curves, axis=1)).max()) * bench.rate
-        used = max(used, (rate + 1.5 * margin * bench.rate) / ((1.0 - _SHARE) * limit.rate))
+        used = max(used, (rate + 1.5 * margin * bench.rate) / ((1.0 - SHARE) * limit.rate))
     return LimitMargin(name, low, high, limit, float(used) if np.isfinite(used) else 1e9)
 
 

@@ -18,6 +18,8 @@ from eha_bench.targets.sensors import RIG_SENSORS
 
 _SHARE = 1e-3
 """Noise of a sensor without a description, as a share of what it would read."""
+_HELPS = 0.01
+"""What a sensor has to add to the probability of naming the right rival to be worth a word."""
 
 
 def advice(
@@ -39,9 +41,13 @@ def advice(
     responses = respond(
         rivals, layout.points, trial, bench, limits[candidate.setup], plan.commanded
     )
+    ticks = [responses.outputs[0].shape[1]]
+    alone = inner_products(layout, responses.outputs, plant.outputs, responses.bench, ticks, [7])
+    (without,) = odds(layout, alone)
+    logged = {*bench.channels, *bench.inputs, plan.commanded.channel}
     best: SensorAdvice | None = None
     for name in plant.outputs:
-        if name in bench.channels:
+        if name in logged:
             continue
         column = plant.outputs.index(name)
         reads = np.concatenate([item[:, :, column].ravel() for item in responses.outputs])
@@ -50,10 +56,9 @@ def advice(
             continue
         here = responses.bench
         more = replace(here, channels=(*here.channels, name), noise=np.append(here.noise, noise))
-        ticks = [responses.outputs[0].shape[1]]
         grams = inner_products(layout, responses.outputs, plant.outputs, more, ticks, [7])
         (found,) = odds(layout, grams)
-        if found.right > (0.0 if best is None else best.right):
+        if found.right > (without.right + _HELPS if best is None else best.right):
             best = SensorAdvice(name, noise, plant.units.get(name, ""), found.right)
     return best
 

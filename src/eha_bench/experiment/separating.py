@@ -135,10 +135,9 @@ class Separating:
         Rivals were fitted to what has been recorded; the further beyond, the less they are worth.
         Smaller than that is no better: what a machine does in tiny motions was not recorded either.
         """
-        while chosen.size > _SMALLEST:
+        here = self.simulator.respond(chosen, layout)
+        while chosen.size > _SMALLEST and self.simulator.goes_beyond(chosen, here):
             self.simulator.progress("gentler", 0.0)
-            if not self.simulator.goes_beyond(chosen, self.simulator.respond(chosen, layout)):
-                break
             item = chosen.at_size(_GENTLER * chosen.size)
             responses = self.simulator.respond(item, layout)
             if not responses.safe:
@@ -149,7 +148,7 @@ class Separating:
                 expected.wrong, MOST_WRONG
             ):
                 break
-            chosen = item
+            chosen, here = item, responses
         return chosen
 
     def _lengthen_until_confirmed(self, chosen: list[Experiment]) -> list[Experiment]:

@@ -54,6 +54,11 @@ class CoveredSetup:
     extremes: Mapping[str, tuple[float, float]]
     starts: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def setup(self) -> tuple[Piston, Bypass]:
+        """The setup as a trial has it."""
+        return Piston(self.piston), Bypass(self.bypass)
+
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
         extremes = {name: list(ends) for name, ends in self.extremes.items()}
@@ -83,6 +88,7 @@ class Covered:
         inputs: channel -> (low, high, mean), SI.
         noise: channel -> standard deviation, SI. unexplained: channel -> root mean square of what
             is left over the windows of the fit beyond the noise, SI.
+        input_noise: channel -> standard deviation of the noise of an input that was measured, SI.
         setups: each with the extremes of every channel in it, SI.
         dataset: the dataset.yaml that names them; "" where it is not a file.
     """
@@ -94,11 +100,16 @@ class Covered:
     unexplained: Mapping[str, float]
     setups: tuple[CoveredSetup, ...]
     dataset: str = ""
+    input_noise: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def is_explained(self) -> bool:
         """Whether what is left unexplained is less than the noise, in every channel."""
         return all(left <= self.noise.get(name, 0.0) for name, left in self.unexplained.items())
+
+    def sensor_noise(self, channel: str) -> float:
+        """Return the standard deviation of what a channel's sensor adds, SI; 0 where unknown."""
+        return self.noise.get(channel, self.input_noise.get(channel, 0.0))
 
     def error(self, channel: str) -> float:
         """Return what a channel was left with in the fit, noise and unexplained together, SI."""
@@ -143,6 +154,7 @@ class Covered:
             "inputs": {name: list(ends) for name, ends in self.inputs.items()},
             "noise": {name: finite_or_none(value) for name, value in self.noise.items()},
             "unexplained": {name: finite_or_none(v) for name, v in self.unexplained.items()},
+            "input_noise": {name: finite_or_none(v) for name, v in self.input_noise.items()},
             "setups": [item.to_dict() for item in self.setups],
             "dataset": self.dataset,
         }
@@ -151,16 +163,21 @@ class Covered:
     def from_dict(content: Mapping[str, Any]) -> Covered:
         """Return what `to_dict` gave; what is not there or could not be computed is left out."""
         inputs, noise = content.get("inputs") or {}, content.get("noise") or {}
-        left = content.get("unexplained") or {}
+        left, shaken = content.get("unexplained") or {}, content.get("input_noise") or {}
         return Covered(
             _number(content.get("rate")),
             float(content.get("seconds") or 0.0),
             {name: (float(a), float(b), float(c)) for name, (a, b, c) in inputs.items()},
-            {name: float(value) for name, value in noise.items() if value is not None},
-            {name: float(value) for name, value in left.items() if value is not None},
+            _known(noise),
+            _known(left),
             tuple(CoveredSetup.from_dict(item) for item in content.get("setups") or ()),
             str(content.get("dataset", "")),
+            _known(shaken),
         )
+
+
+def _known(values: Mapping[str, float | None]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items() if value is not None}
 
 
 def _number(value: float | None) -> float:

@@ -31,6 +31,7 @@ def covered_ranges(
     setups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
     starts: dict[tuple[str, str], dict[str, list[float]]] = {}
     inputs: dict[str, list[np.ndarray]] = {}
+    shaken: dict[str, list[float]] = {}
     for item in runs:
         setup = setup_of(locked=item.run.locked, bypass_open=item.run.bypass_open)
         own = setups.setdefault(setup, {})
@@ -43,6 +44,8 @@ def covered_ranges(
                 began.setdefault(name, []).append(float(values[:_FIRST].mean()))
         for name, values in item.inputs.items():
             inputs.setdefault(name, []).append(values)
+        for name, level in item.input_noise.items():
+            shaken.setdefault(name, []).append(level)
     together = {name: np.concatenate(parts) for name, parts in inputs.items()}
     left = {}
     for name, error in errors.items():
@@ -63,4 +66,5 @@ def covered_ranges(
             for key, extremes in setups.items()
         ),
         str(Path(dataset).resolve()) if Path(dataset).is_file() else "",
+        {name: float(np.median(levels)) for name, levels in shaken.items()},
     )
