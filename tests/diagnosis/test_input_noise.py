@@ -22,6 +22,7 @@ from eha_bench.diagnosis.fit.input_noise import input_noise_of
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
+from imposed_plants import SEAL
 
 SIGMA = {"current": 0.05, "motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
 STEP = 2e-4
@@ -133,6 +134,35 @@ def test_the_right_model_leaves_noise_though_its_input_is_noisy(model, driven_by
         assert np.mean(blind.residual(model.vector()) ** 2) > 1.08
     # of 4000 readings or more a mean square is known to 0.02
     assert np.mean(squares) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_is_too_fast_for_cosines_counts_as_white(tmp_path: Path, seed: int) -> None:
+    # a load cell feels the noise of the carriage's position, and most what is fastest of it
+    (tmp_path / "plant.yaml").write_text(SEAL)
+    seal = load_model(tmp_path / "plant.yaml")
+    time = np.arange(2000) * 2e-3
+    carriage = 0.01 * np.sin(2.0 * np.pi * 0.5 * time)
+    out = seal.plant.simulate(seal.vector(), Drive(time, {"carriage_position": carriage}, {}), STEP)
+    generator = np.random.default_rng(seed)
+    white = generator.standard_normal((2, time.size))
+    noise = {"cell_force": 0.05}
+    force = out[:, seal.plant.outputs.index("cell_force")] + noise["cell_force"] * white[0]
+    reading = Recording(
+        time, {"carriage_position": carriage + 2e-6 * white[1], "cell_force": force}
+    )
+    run = Run("log", Path("log.mcap"), None, False, False, Use.TRAIN, lambda: reading)
+    measured = admit(run, reading, ["carriage_position"], ["cell_force"], roles=seal.plant.roles)
+    assert measured.input_noise["carriage_position"] == pytest.approx(2e-6, rel=0.1)
+    windows = cut_windows(measured, noise)
+    problem = Problem(seal.plant, windows, noise, STEP)
+    problem.prepare(seal.vector())
+    assert np.mean(problem.residual(seal.vector()) ** 2) == pytest.approx(1.0, abs=0.15)
+    # what is left of readings is more than that by the noise of which nothing was known
+    unaware = [replace(item, measured=replace(measured, input_noise={})) for item in windows]
+    blind = Problem(seal.plant, unaware, noise, STEP)
+    blind.prepare(seal.vector())
+    assert np.mean(blind.residual(seal.vector()) ** 2) > 4.0
 
 
 def test_what_was_asked_for_is_exact(model) -> None:

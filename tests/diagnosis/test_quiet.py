@@ -171,6 +171,19 @@ def test_where_no_speed_is_read_only_what_is_not_driven_rests() -> None:
     assert len([*quiet_stretches(measured)]) == 5
 
 
+@pytest.mark.parametrize("kept", [0.0, 0.9])
+def test_a_motion_that_ends_within_a_stretch_is_no_rest(kept: float) -> None:
+    generator = np.random.default_rng(3)
+    pressure = 6e5 + 3e4 * _remembering(generator, 1500, kept)
+    measured = _readings({"current_command": np.zeros(1500)}, {"pressure_a": pressure})
+    rests = len([*quiet_stretches(measured)])
+    assert rests >= 10
+    # a chamber that was empty fills up within ten samples: far off a parabola, and no noise
+    pressure[:10] -= 2e7 * np.exp(-0.5 * np.arange(10))
+    filling = _readings({"current_command": np.zeros(1500)}, {"pressure_a": pressure})
+    assert len([*quiet_stretches(filling)]) == rests - 1
+
+
 @pytest.mark.parametrize("value", [0.1, 293.15, 6e5, -0.0123])
 def test_a_reading_that_never_changes_stands(value) -> None:
     command = np.zeros(1500)

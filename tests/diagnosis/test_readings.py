@@ -43,6 +43,7 @@ def part(rng: np.random.Generator, ticks: int, *, coloured: bool, timed: bool) -
         basis=np.linalg.qr(rng.normal(size=(size, 2)))[0],
         shrink=rng.uniform(0.1, 0.9, 2),
         offset=rng.normal(size=size) if timed else None,
+        weights=None if timed else rng.uniform(0.5, 1.0, size),
         window=SimpleNamespace(measured=SimpleNamespace(run=SimpleNamespace(name="r"))),
     )
 
@@ -91,6 +92,7 @@ def test_start_bases_take_what_starts_could_have_done() -> None:
     found = np.split(bases.white(residual), [sizes[0]])
     for item, own, rest in zip(parts, np.split(residual, [sizes[0]]), found, strict=True):
         left = own if item.offset is None else own - item.offset
+        left = left if item.weights is None else left * item.weights
         projected = item.basis @ (item.shrink * (item.basis.T @ left))
         np.testing.assert_allclose(rest, left - projected, atol=1e-12)
     assert bases.are_of(parts)

@@ -7,8 +7,9 @@ cosine transform is orthogonal: Ahmed, Natarajan, Rao, IEEE Trans. Comput. C-23 
 doi:10.1109/T-C.1974.223784). So the response to each of them is one more direction in which a
 residual may be off by one standard deviation, as the start state's are. Whatever adds up answers
 to slow cosines most; how many matter is asked of the model itself: cosines are added until one draw
-of all the faster ones moves the residual by far less than its own noise. Where noise
-remembers (`colour`), its cosines are as large as its spectral density says.
+of all the faster ones moves the residual by far less than its own noise. An imposed position whose
+noise a stiff load cell sees answers to the fastest most: what is left of these is taken as white.
+Where noise remembers (`colour`), its cosines are as large as its spectral density says.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ SHOWS = 0.02
 """Square of what faster cosines may move a residual by, as a share of one channel's noise."""
 _FASTEST = 125.0
 """Frequency of the fastest cosine, Hz: masses on oil swing slower, and each takes a simulation.
-What shows beyond it is not foreseen."""
+What shows beyond it counts as white noise of the channel in that window."""
 _NEAR = 0.03
 """Change of a parameter up to which the responses are kept: they are off by as little."""
 _REACH = 2.0
@@ -48,11 +49,13 @@ class InputNoise:
         columns: (N, k) change by each cosine, its amplitude one standard deviation.
         vector: parameters at which that was simulated.
         simulations: how many it took.
+        faster: (N,) change by one draw of all cosines that are no column, 0 where they do not show.
     """
 
     columns: FloatArray
     vector: FloatArray
     simulations: int
+    faster: FloatArray
 
     def is_near(self, vector: FloatArray) -> bool:
         """Whether responses at other parameters are the same but for some percent."""
@@ -61,7 +64,7 @@ class InputNoise:
 
     def reweighted(self, ratio: FloatArray) -> InputNoise:
         """Return the same for a residual that is multiplied row by row, (N,)."""
-        return replace(self, columns=self.columns * ratio[:, None])
+        return replace(self, columns=self.columns * ratio[:, None], faster=self.faster * ratio)
 
 
 def input_noise_of(
@@ -80,25 +83,33 @@ def input_noise_of(
     """
     (base,) = residuals([drive])
     columns: list[FloatArray] = []
+    faster = np.zeros(base.size)
     simulations = 1
     ticks = drive.time.size - drive.first
     for name, sigma in noise.items():
         colour = colours.get(name)
         sizes = sigma * (colour.amplitudes(ticks) if colour else np.ones(ticks))
-        own, count = _responses(drive, name, sizes, base, residuals)
+        own, left, count = _responses(drive, name, sizes, base, residuals)
         columns += own
+        faster += left
         simulations += count
-    return InputNoise(np.array(columns).reshape(len(columns), base.size).T, vector, simulations)
+    together = np.array(columns).reshape(len(columns), base.size).T
+    return InputNoise(together, vector, simulations, faster)
 
 
 def _responses(
     drive: Drive, name: str, sizes: FloatArray, base: FloatArray, residuals: Residuals
-) -> tuple[list[FloatArray], int]:
-    """Return the changes by the cosines of one input that show, and how many were simulated."""
+) -> tuple[list[FloatArray], FloatArray, int]:
+    """Return the changes by the cosines of one input that show, by one draw of the others, (N,).
+
+    And how many were simulated.
+    """
     ticks = sizes.size
     seconds = float(drive.time[-1] - drive.time[drive.first])
     most = min(max(_FIRST, round(2.0 * _FASTEST * seconds)), ticks)
     numbers, draw = np.arange(ticks), np.random.default_rng(0).standard_normal(ticks)
+    # signs alone: their squares are those of all draws on average
+    signs = np.where(draw < 0.0, -1.0, 1.0)
 
     def by(amplitudes: FloatArray) -> Drive:
         values = drive.inputs[name].copy()
@@ -110,16 +121,16 @@ def _responses(
     count = min(_FIRST, most)
     while True:
         asked = [by(np.where(numbers == k, _REACH, 0.0)) for k in range(len(columns), count)]
-        if count < most:
+        if count < ticks:
             # one draw of all the faster ones is simulated with them
-            asked.append(by(np.where(numbers < count, 0.0, draw)))
+            fast = signs if count == most else draw
+            asked.append(by(np.where(numbers < count, 0.0, fast)))
         simulations += len(asked)
         changes = [left - base for left in residuals(asked)]
         columns += [change / _REACH for change in changes[: count - len(columns)]]
+        left = changes[-1] if count < ticks else np.zeros(base.size)
+        if float(left @ left) < SHOWS * ticks:
+            return columns, np.zeros(base.size), simulations
         if count == most:
-            break
-        faster = changes[-1]
-        if float(faster @ faster) < SHOWS * ticks:
-            break
+            return columns, left, simulations
         count = min(int(count * _FURTHER), most)
-    return columns, simulations

@@ -56,7 +56,7 @@ def lost_input_noise(
         vector: of the plant. residuals: of the window.
     """
     _, columns, simulations = _responses(drive, unsure, begin, times, residuals)
-    return InputNoise(columns, vector, simulations)
+    return InputNoise(columns, vector, simulations, np.zeros(times.size))
 
 
 def at_their_best(

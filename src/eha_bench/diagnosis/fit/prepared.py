@@ -33,6 +33,7 @@ class Prepared:
         target: (N,) readings, in their noise. scale: (N,) that noise, SI.
         basis, shrink: U as an orthonormal basis (N, k), and 1 - (1 + s^2)^(-1/2) of its sizes.
         shaken, lost: what the inputs' noise does, and inputs that were lost.
+        weights: (N,) of rows that what is too fast for U shakes as well; None where nothing is.
         whitening: of noise that remembers. instants: when each reading was taken.
         starts: states that are uncertain at the start, each with its spread. moved: by how many of
             these the start is moved from the measured one, (k,). offset: U of these times `moved`,
@@ -53,6 +54,7 @@ class Prepared:
     whitening: csr_array | None = None
     instants: Instants | None = None
     lost: InputNoise | None = None
+    weights: FloatArray | None = None
     starts: Mapping[str, float] = field(default_factory=dict)
     moved: FloatArray | None = None
     offset: FloatArray | None = None
@@ -64,7 +66,10 @@ class Prepared:
         return [item.columns for item in (self.shaken, self.lost) if item is not None]
 
     def span(self, columns: FloatArray, *, of_many: bool = False) -> None:
-        """Take U, (N, k)."""
+        """Take U, (N, k), and the weights of rows."""
+        self.weights = self._weights()
+        if self.weights is not None:
+            columns = columns * self.weights[:, None]
         if columns.shape[1] == 0:
             self.basis, self.shrink = columns, np.zeros(0)
             return
@@ -77,17 +82,30 @@ class Prepared:
 
     def white(self, residual: FloatArray) -> FloatArray:
         """Return C^(-1/2) of a residual, (N,)."""
+        if self.weights is not None:
+            residual = residual * self.weights
         if self.shrink.size == 0:
             return residual
         return residual - self.basis @ (self.shrink * (self.basis.T @ residual))
 
     def at_best(self, residual: FloatArray) -> FloatArray:
         """Return C^(-1) of a residual: what is left from the best start, (N,)."""
+        if self.weights is not None:
+            residual = residual * self.weights
         if self.shrink.size == 0:
             return residual
         # 1 - 1 / (1 + s^2), from 1 - 1 / sqrt(1 + s^2)
         share = 1.0 - (1.0 - self.shrink) ** 2
         return residual - self.basis @ (share * (self.basis.T @ residual))
+
+    def _weights(self) -> FloatArray | None:
+        """Return 1 / sqrt(1 + d) of each row, d the variance that is too fast for U, by channel."""
+        if self.shaken is None or not self.shaken.faster.any():
+            return None
+        channels = self.pick % self.columns.size
+        count = np.maximum(np.bincount(channels, minlength=self.columns.size), 1)
+        squares = np.bincount(channels, self.shaken.faster**2, minlength=self.columns.size)
+        return np.asarray(1.0 / np.sqrt(1.0 + squares / count)[channels], dtype=np.float64)
 
     @property
     def length(self) -> float:

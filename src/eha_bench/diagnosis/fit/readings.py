@@ -164,6 +164,11 @@ class StartBases:
         self._basis = _joined([part.basis.T.ravel() for part in parts], np.float64)
         moved = [(k, part.offset) for k, part in enumerate(parts) if part.offset is not None]
         self._moved = [(slice(self._rows[k], self._rows[k + 1]), offset) for k, offset in moved]
+        self._weights = [
+            (slice(self._rows[k], self._rows[k + 1]), part.weights)
+            for k, part in enumerate(parts)
+            if part.weights is not None
+        ]
 
     def are_of(self, parts: Sequence[Prepared]) -> bool:
         """Whether these windows have not been prepared again."""
@@ -177,6 +182,8 @@ class StartBases:
         out = residual.copy()
         for rows, offset in self._moved:
             out[rows] -= offset
+        for rows, weights in self._weights:
+            out[rows] *= weights
         _whiten_each(self._rows, self._sizes, self._begins, self._basis, self._shrink, out)
         return out
 
