@@ -12,6 +12,7 @@ from experiment_question import rival, write_question
 from eha_bench.diagnosis.fit.uncertainty import Covariance
 from eha_bench.diagnosis.outcome.rival import Rival
 from eha_bench.experiment.hypothesis import Hypothesis, read_question, rivals_to_separate
+from imposed_plants import PUMPED
 
 KEYS = ("viscous_torque", "coulomb_torque", "bulk_modulus", "leakage")
 
@@ -66,3 +67,37 @@ def test_first_the_causes_and_then_their_forms_are_compared(tmp_path: Path):
     assert [item.id for item in rivals_to_separate(found[1:])] == [
         "command_delay (of another kind)"
     ]
+
+
+def test_friction_that_creeps_counts_as_one_that_sticks_too(tmp_path: Path):
+    (tmp_path / "plant.yaml").write_text(PUMPED)
+    plant, known = str(tmp_path / "plant.yaml"), ("drag.coulomb", "drag.creep_speed")
+    creeping = [
+        rival("asymmetric_friction", {"asymmetry": 0.3}, source=plant, known=known),
+        rival("gravity_load", {"gravity_force": 60.0}, source=plant, known=known),
+    ]
+    both = [
+        replace(item, model=item.model.with_parameters({"drag.creep_speed": 2e-5}))
+        for item in creeping
+    ]
+    found = read_question(
+        write_question(
+            tmp_path / "diagnosis",
+            both,
+            extremes={"motor_speed": (-1.0, 1.0)},
+            command="motor_speed",
+        )
+    ).rivals
+    ids = [item.id for item in rivals_to_separate(found)]
+    assert ids == [
+        "asymmetric_friction", "gravity_load",
+        "asymmetric_friction, sticking", "gravity_load, sticking",
+    ]  # fmt: skip
+    still = rivals_to_separate(found)[2]
+    assert still.model.value("drag.creep_speed") == 0.0
+    assert still.keys == ("drag.coulomb", "asymmetric_friction.asymmetry")
+    assert still.covariance.shape == (2, 2)
+    # one that sticks anyway is the same, and one cause alone is not separated
+    stuck = [item for item in found if item.sticking() is None]
+    assert not stuck
+    assert [item.id for item in rivals_to_separate(found[:1])] == ["asymmetric_friction"]

@@ -161,6 +161,24 @@ def test_a_wide_interval_is_brought_under_what_is_asked(tmp_path: Path):
     assert "asked for" not in found.sentence
 
 
+def test_no_experiment_is_shorter_than_a_second(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(*LAG, share=0.12)])
+    found = eb.next_experiment(folder, budget=3.0, within=0.2)
+    assert found.ending is ProposalEnding.PROPOSED
+    assert found.bench_seconds >= 1.0
+
+
+def test_a_warning_of_the_diagnosis_is_not_kept_back(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(None)])
+    file = folder / "diagnosis.json"
+    moved = "leakage has moved from 3e-12 to 8e-12 m^3/(s*Pa), more than given under `within`"
+    content = json.loads(file.read_text()) | {"notes": ["a plain note", f"CAUTION: {moved}"]}
+    file.write_text(json.dumps(content))
+    found = eb.next_experiment(folder)
+    assert found.ending is ProposalEnding.NOTHING_OPEN
+    assert found.sentence.endswith(f"; check what the diagnosis warns of: {moved}")
+
+
 def test_an_interval_that_stays_wider_than_asked_is_said_to(tmp_path: Path):
     folder = write_question(tmp_path, [rival(*LAG, share=0.3)])
     found = eb.next_experiment(folder, budget=1.0, within=1e-6)

@@ -72,19 +72,62 @@ def test_a_suite_imposes_the_speed_of_a_pump(tmp_path: Path) -> None:
     assert np.ptp(recording["piston_position"]) > 1e-3
 
 
+def test_a_rod_starts_beside_a_carriage_that_starts_far_away(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(SEAL)
+    (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\nsensors: {}\n")
+    sine = "{kind: sine, amplitude: 5 mm, offset: 100 mm, frequency: 1 Hz}"
+    (tmp_path / "suite.yaml").write_text(
+        "name: far\ntrials:\n  - {id: far, mode: carriage_position, duration: 1 s, "
+        f"signal: {sine}}}\n"
+    )
+    eb.run(tmp_path / "suite.yaml", tmp_path / "rig.yaml", tmp_path / "out")
+    recording = read(tmp_path / "out/recordings/far-0.mcap")
+    assert recording["carriage_position"][0] == pytest.approx(0.1)
+    # 0.031 m/s: 20 N and 3 N of friction, and not 4 kN of a bent load cell
+    assert np.abs(recording["cell_force"]).max() < 30.0
+
+
+def test_an_imposed_position_that_jumps_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(SEAL)
+    (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
+    (tmp_path / "suite.yaml").write_text(
+        "name: jump\ntrials:\n  - {id: jump, mode: carriage_position, duration: 1 s, "
+        "signal: {kind: step, final: 10 mm, at: 0.1 s}}\n"
+    )
+    with pytest.raises(InputError, match=r"lets the imposed carriage_position jump at 0.1 s") as no:
+        eb.run(tmp_path / "suite.yaml", tmp_path / "rig.yaml", tmp_path / "out")
+    assert no.value.where.line == 3
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_controller_of_an_imposed_motion_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(PUMPED)
+    (tmp_path / "control.yaml").write_text("motor_speed: {controller: pid, k_p: 1}\n")
+    (tmp_path / "rig.yaml").write_text(
+        "target: simulator\nmodel: plant.yaml\ncontroller: control.yaml\n"
+    )
+    speeds = SUITE.replace("MODE", "motor_speed").replace("AMPLITUDE", "20 rad/s")
+    (tmp_path / "suite.yaml").write_text(speeds)
+    with pytest.raises(InputError, match="the controller for that mode would do nothing"):
+        eb.run(tmp_path / "suite.yaml", tmp_path / "rig.yaml", tmp_path / "out")
+    # nor are its gains varied, also not those of the shipped file
+    (tmp_path / "over.yaml").write_text("over: {gains: {motor_speed.k_p: [1, 2]}}\n")
+    (tmp_path / "plain.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
+    with pytest.raises(InputError, match="no controller closes that loop"):
+        eb.sweep(tmp_path / "suite.yaml", tmp_path / "over.yaml", tmp_path / "plain.yaml",
+                 tmp_path / "sweep")  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ("mode", "amplitude", "said"),
-    [
-        ("pressure", "1 MPa", "a mode can only impose motor_speed or piston_position"),
-        ("piston_position", "1 mm", "'shaft' of pumped has no inertia"),
-    ],
+    ("mode", "amplitude"), [("pressure", "1 MPa"), ("piston_position", "1 mm")]
 )
-def test_what_cannot_be_imposed_is_refused(
-    tmp_path: Path, mode: str, amplitude: str, said: str
-) -> None:
+def test_what_cannot_be_imposed_is_refused(tmp_path: Path, mode: str, amplitude: str) -> None:
+    # with its position alone imposed, the speed of the shaft would be anybody's guess
     (tmp_path / "plant.yaml").write_text(PUMPED)
     (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
     text = SUITE.replace("MODE", mode).replace("AMPLITUDE", amplitude)
     (tmp_path / "suite.yaml").write_text(text)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match="no input that a controller commands") as no:
         eb.run(tmp_path / "suite.yaml", tmp_path / "rig.yaml", tmp_path / "out")
+    assert "with `mode: motor_speed`" in str(no.value)
+    assert no.value.where.file.endswith("suite.yaml")

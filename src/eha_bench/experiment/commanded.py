@@ -87,8 +87,9 @@ class Commanded:
         return starts.get(self.channel, 0.0)
 
     def start(self, trial: Trial, reference: FloatArray) -> dict[str, float]:
-        """Return where a trial starts, channel -> SI: a servo where it is asked to be first."""
-        own = {self.follows: float(reference[0])} if self.follows else {}
+        """Return where a trial starts, channel -> SI: what is led is where it is asked to be."""
+        led = self.follows or (self.channel if self.is_imposed_position else "")
+        own = {led: float(reference[0])} if led else {}
         return {**own, **trial.setup.initial}
 
 

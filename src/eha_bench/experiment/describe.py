@@ -83,13 +83,20 @@ def sentence_of(proposal: Proposal) -> str:
         f", more than the {per_cent(proposal.asked, 2)} asked for"
     )  # fmt: skip
     rest = ", the widest still" if after is worst else (
-        f"; the widest is then {after.parameter}, ± {100.0 * after.after:.2g} %"
+        f"; the widest is then {after.parameter}, {width_words(after.after)}"
     )  # fmt: skip
     return (
         f"{what}. {seconds} reduce the interval of {worst.parameter} from "
-        f"± {100.0 * worst.before:.2g} % to ± {100.0 * worst.after:.2g} % of its value{rest}"
+        f"{width_words(worst.before)} to {width_words(worst.after)}{rest}"
         f"{short}.{close}"
     )
+
+
+def width_words(share: float) -> str:
+    """Return half of an interval: `± 12 % of its value`, or `± 48 times its value`."""
+    if share < 1.0:
+        return f"± {100.0 * share:.2g} % of its value"
+    return f"± {share:.2g} times its value"
 
 
 def broken_limit(room: LimitMargin, count: int, unit: str) -> str:

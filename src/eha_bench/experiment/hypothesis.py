@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,14 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.json_file import read_object
+from eha_bench.diagnosis.fit.friction_at_rest import is_friction_at_rest
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE, SCHEMA_VERSION
 from eha_bench.diagnosis.outcome.rival import Standing
 from eha_bench.plants.model import Model, load_model
 from eha_bench.posterior.covered import Covered
 from eha_bench.posterior.posterior import root_of
 
+_CAUTION = "CAUTION: "
 _LEAST = 0.05
 """Share of a positive parameter's fitted value below which none is drawn."""
 
@@ -32,6 +34,7 @@ class Hypothesis:
         id: as in diagnosis.json. cause: what a diagnosis would name; several forms may have one.
         standing, behind: what the data say of it already.
         model: as fitted. keys: of what was fitted, (p,). covariance: (p, p) SI.
+        moved: parameters that take the place of the fitted ones, SI; None for these.
     """
 
     id: str
@@ -41,11 +44,12 @@ class Hypothesis:
     model: Model
     keys: tuple[str, ...]
     covariance: FloatArray
+    moved: FloatArray | None = None
 
     @cached_property
     def vector(self) -> FloatArray:
-        """The plant's parameters as fitted, SI."""
-        return self.model.vector()
+        """The plant's parameters as fitted, or where it was moved to, SI."""
+        return self.model.vector() if self.moved is None else self.moved
 
     @cached_property
     def _places(self) -> IndexArray:
@@ -82,6 +86,10 @@ class Hypothesis:
         out[:, self._places] = np.clip(out[:, self._places] + z @ self.root.T, low, high)
         return out
 
+    def drawn(self, z: FloatArray) -> Hypothesis:
+        """Return it about a draw of its posterior, (p,) standard normal coordinates."""
+        return replace(self, moved=self.at(z[None, :])[0])
+
     def relative_half_widths(self, covariance: FloatArray) -> dict[str, float]:
         """Return half of each parameter's 95 % interval as a share of its value, by key."""
         size = np.abs(self.vector[self._places])
@@ -89,6 +97,23 @@ class Hypothesis:
         shares = np.where(size > 0.0, half / np.maximum(size, 1e-300), np.nan)
         return {key: float(share) for key, share in zip(self.keys, shares, strict=True)
                 if math.isfinite(share)}  # fmt: skip
+
+    def sticking(self) -> Hypothesis | None:
+        """Return it with friction that sticks at rest; None where no friction was found to creep.
+
+        How slowly something creeps was fitted to what next to nothing moved in.
+        """
+        creeping = [place for place, key in enumerate(self.keys) if is_friction_at_rest(key)]
+        if not any(self.vector[self._places[place]] > 0.0 for place in creeping):
+            return None
+        kept = [place for place in range(len(self.keys)) if place not in creeping]
+        return replace(
+            self,
+            id=f"{self.id}, sticking",
+            model=self.model.with_parameters({self.keys[place]: 0.0 for place in creeping}),
+            keys=tuple(self.keys[place] for place in kept),
+            covariance=self.covariance[np.ix_(kept, kept)],
+        )
 
 
 _MOST_CAUSES = 5
@@ -98,14 +123,16 @@ _MOST_RIVALS = 9
 def rivals_to_separate(rivals: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the rivals that an experiment is planned for: the first causes, then their forms.
 
-    Where there is one cause, its forms are nothing to separate: the first of them is returned.
+    Where there is one cause, its forms are nothing to separate: the first of them is returned. A
+    friction that creeps counts as one that sticks, too: what only the creeping tells is not told.
     """
     causes = list(dict.fromkeys(item.cause for item in rivals))[:_MOST_CAUSES]
     first = [next(item for item in rivals if item.cause == cause) for cause in causes]
     if len(first) < 2:
         return tuple(first)
     known = {item.id for item in first}
-    forms = [item for item in rivals if item.cause in causes and item.id not in known]
+    forms = [form for item in first if (form := item.sticking()) is not None]
+    forms += [item for item in rivals if item.cause in causes and item.id not in known]
     return (*first, *forms[: _MOST_RIVALS - len(first)])
 
 
@@ -117,7 +144,7 @@ class Question:
         verdict: of the diagnosis. rivals: what was found first, then those that the data cannot
             tell from it. covered: where its recordings have been. complete: whether it ended.
         not_simulated: what acts and is in no rival, "" where everything is.
-        source: diagnosis.json.
+        source: diagnosis.json. cautions: what the diagnosis warns of, one sentence each.
     """
 
     verdict: str
@@ -126,6 +153,7 @@ class Question:
     complete: bool
     not_simulated: str
     source: Path
+    cautions: tuple[str, ...] = ()
 
 
 def read_question(path: str | Path) -> Question:
@@ -171,6 +199,11 @@ def read_question(path: str | Path) -> Question:
         bool(content.get("complete", True)),
         _not_simulated(unknown) if unknown and not learned else "",
         file,
+        tuple(
+            note.removeprefix(_CAUTION)
+            for note in content.get("notes") or ()
+            if note.startswith(_CAUTION)
+        ),
     )
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,9 +33,20 @@ from eha_bench.experiment.decision import (
     posterior_after,
     shares_of_a_decision,
 )
-from eha_bench.experiment.describe import broken_limit, planned_trial, sentence_of
+from eha_bench.experiment.describe import (
+    broken_limit,
+    planned_trial,
+    sentence_of,
+    width_words,
+)
 from eha_bench.experiment.hypothesis import Question, read_question, rivals_to_separate
-from eha_bench.experiment.narrowing import counted_parameters, narrowest, worst_width
+from eha_bench.experiment.lengthening import SHORTEST
+from eha_bench.experiment.narrowing import (
+    counted_parameters,
+    narrowest,
+    widths_after,
+    worst_width,
+)
 from eha_bench.experiment.permitted import (
     PLANT,
     RECORDINGS,
@@ -53,7 +64,12 @@ from eha_bench.experiment.rival_simulator import (
 )
 from eha_bench.experiment.screening import best_experiments
 from eha_bench.experiment.sensors import advice
-from eha_bench.experiment.separating import FRESH, SHORTEST, Separating, Separation
+from eha_bench.experiment.separating import (
+    FRESH,
+    Separating,
+    Separation,
+    is_worth_bench_time,
+)
 
 ASKED = 0.95
 WITHIN = 0.1
@@ -178,12 +194,17 @@ class _Planner:
         found = search.best(screened)
         if found is None:
             return self._none_permitted(
-                f"over the rivals' posteriors none of {self.simulator.tried} experiments keeps "
-                f"every limit with margin ({self.permitted.words})",
+                f"none of {self.simulator.tried} experiments is sure to keep every limit with "
+                f"margin ({self.permitted.words}): the recordings leave too much open, most of all "
+                f"{self._widest_words()}"
             )
         if not found.is_worth_it:
             return self._none_separates(found)
-        return self._proposal_of(search.confirmed(found))
+        proposal = self._proposal_of(search.confirmed(found))
+        if proposal.odds is not None and not is_worth_bench_time(proposal.odds):
+            # draws that chose it flattered it
+            return self._none_separates(replace(found, odds=proposal.odds))
+        return proposal
 
     def _none_separates(self, found: Separation) -> Proposal:
         """Say how far the best experiment comes, and which sensor would help."""
@@ -192,7 +213,8 @@ class _Planner:
         why = (
             f"no permitted experiment within {self.budget:g} s separates "
             f"{' and '.join(self.causes)}: the best of {self.simulator.tried} "
-            f"experiments would name the right one in {per_cent(found.odds.right)} of cases"
+            f"experiments would name the right one in {per_cent(found.odds.right)} of cases and a "
+            f"wrong one in {per_cent(found.odds.wrong, 1)}"
         )
         if sensor is not None:
             why += f"; log {sensor.channel} as well and it would in {per_cent(sensor.right)}"
@@ -203,11 +225,9 @@ class _Planner:
         found = narrowest(self.simulator, screened, self.budget, self.within)
         before = self._worst(self.rivals[0].covariance)
         if found.worst > _NARROWER * before and found.worst > self.within:
-            widths = self.rivals[0].relative_half_widths(self.rivals[0].covariance)
-            name = max(counted_parameters(widths), key=lambda key: widths[key])
             return self._none_permitted(
-                f"no permitted experiment of {self.budget:g} s narrows the interval of {name} "
-                f"below its present {per_cent(before)}",
+                f"no permitted experiment of {self.budget:g} s narrows the interval of "
+                f"{self._widest_words()} by much"
             )
         return self._proposal_of(found.experiments)
 
@@ -229,12 +249,31 @@ class _Planner:
         if not self.question.complete:
             return "the diagnosis was interrupted: run `eha-bench diagnose` again"
         rival = self.rivals[0]
-        left = "no effect is missing"
+        left = "no missing effect was found"
         if rival.cause != "none":
             left = f"no rival of '{rival.cause}' is left"
         return (
             f"nothing is open: {left}, and every parameter is known within {per_cent(self.within)}"
+            f"{self._warned_of()}"
         )
+
+    def _warned_of(self) -> str:
+        """Say what the diagnosis warned of: a parameter that moved far may hide what is missing."""
+        cautions = self.question.cautions
+        if not cautions:
+            return ""
+        return f"; check what the diagnosis warns of: {'; '.join(cautions)}"
+
+    def _widest_words(self) -> str:
+        """Return the parameter that is known least, and how well."""
+        found = [
+            (share, key)
+            for rival in self.rivals
+            for key, share in rival.relative_half_widths(rival.covariance).items()
+            if counted_parameters([key])
+        ]
+        share, key = max(found)
+        return f"{key}, which is known to {width_words(share)}"
 
     def _worst(self, covariance: FloatArray) -> float:
         return worst_width(self.rivals[0], covariance)
@@ -260,9 +299,11 @@ class _Planner:
             )
         if not done:
             return self._none_permitted(
-                "over fresh draws of the rivals' posteriors no experiment keeps every limit",
+                "no experiment is sure to keep every limit: the recordings leave too much open, "
+                f"most of all {self._widest_words()}"
             )
         last = one_after_the_other(done)[-1:]
+        after = self._widths_after([item.experiment for item in done], layout, last[0])
         proposal = Proposal(
             ProposalEnding.PROPOSED,
             "",
@@ -271,7 +312,7 @@ class _Planner:
             self.budget,
             self.permitted.words,
             odds=odds(layout, last)[0] if len(self.causes) > 1 else None,
-            widths=self._widths(layout, last[0]),
+            widths=self._widths(after),
             trials=tuple(trials),
             suite=self.plan.suite(
                 [item.experiment for item in done], [trial.id for trial in trials]
@@ -304,10 +345,22 @@ class _Planner:
             )
         return notes
 
-    def _widths(self, layout: DrawRows, gram: FloatArray) -> tuple[Width, ...]:
+    def _widths_after(
+        self, experiments: Sequence[Experiment], layout: DrawRows, gram: FloatArray
+    ) -> Mapping[str, float]:
+        """Return half of each 95 % interval after experiments, relative.
+
+        About draws where parameters are what is open; at the fitted values of the first rival where
+        they are told as well.
+        """
+        if len(self.causes) == 1:
+            return widths_after(self.simulator, experiments)
+        rival = self.rivals[0]
+        return rival.relative_half_widths(posterior_after(rival, layout, gram, 0))
+
+    def _widths(self, after: Mapping[str, float]) -> tuple[Width, ...]:
         rival = self.rivals[0]
         before = rival.relative_half_widths(rival.covariance)
-        after = rival.relative_half_widths(posterior_after(rival, layout, gram, 0))
         found = [
             Width(key, before[key], after.get(key, math.nan)) for key in counted_parameters(before)
         ]

@@ -180,7 +180,8 @@ def respond(
     command = np.concatenate((np.full(rest, commanded.at_rest(reference, at_rest)), reference))
     inputs = {name: np.full(command.size, value) for name, value in bench.inputs.items()}
     inputs[commanded.channel] = command
-    start = {**at_rest, **commanded.start(trial, reference)}
+    plant = rivals[0].model.plant
+    start = plant.unbent({**at_rest, **commanded.start(trial, reference)})
     start.pop(commanded.channel, None)
     drive = Drive(
         np.arange(command.size) / trial.sample_rate,
@@ -195,7 +196,7 @@ def respond(
         for rival, readings in zip(rivals, predicted_readings(rivals, vectors, drive), strict=True)
     )
     fitted = np.stack([item[0] for item in outputs])
-    names = rivals[0].model.plant.outputs
+    names = plant.outputs
     here = bench.beyond(
         setup,
         {name: fitted[:, :, column] for column, name in enumerate(names)},

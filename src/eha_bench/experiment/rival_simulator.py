@@ -14,6 +14,7 @@ from eha_bench.core.progress import ProgressHook
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.decision import BLOCK, DrawRows, inner_products, layout_of
 from eha_bench.experiment.hypothesis import Hypothesis
+from eha_bench.experiment.lengthening import TOGETHER
 from eha_bench.experiment.permitted import Permitted
 from eha_bench.experiment.response import (
     SMALLEST,
@@ -24,9 +25,6 @@ from eha_bench.experiment.response import (
     respond,
 )
 from eha_bench.posterior.covered import Covered
-
-TOGETHER = 3
-"""Most trials of a proposal."""
 
 
 @dataclass(frozen=True)

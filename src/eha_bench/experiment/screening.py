@@ -13,10 +13,9 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.candidates import candidates, neighbour_of
+from eha_bench.experiment.lengthening import LONGEST
 from eha_bench.experiment.rival_simulator import RivalSimulator, SimulatedExperiment
 
-LONGEST = 4.0
-"""Length at which experiments are compared, s; longer ones are made of several."""
 _BEST = 5
 _VARIED = 3
 _VARIATIONS = 5

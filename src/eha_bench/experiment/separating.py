@@ -11,14 +11,13 @@ from dataclasses import dataclass
 
 from eha_bench.experiment.candidates import Experiment
 from eha_bench.experiment.decision import DrawRows, Odds, odds
+from eha_bench.experiment.lengthening import SHORTEST, longer
 from eha_bench.experiment.rival_simulator import (
-    TOGETHER,
     RivalSimulator,
     SimulatedExperiment,
     one_after_the_other,
     sums_of,
 )
-from eha_bench.experiment.screening import LONGEST
 
 MOST_WRONG = 0.02
 """Probability of naming a wrong rival that an experiment may have."""
@@ -27,8 +26,6 @@ FRESH = 24
 _COMBINED = 3
 """Experiments that are tried together."""
 _DRAWS = 12
-SHORTEST = 1.0
-"""Least length of a proposal, s: fewer than ten blocks bear out nothing by resampling."""
 _GENTLER = 0.6
 """Share by which the experiment is made smaller, again and again, while it still decides."""
 _SMALLEST = 0.01
@@ -60,7 +57,12 @@ class Separation:
     @property
     def is_worth_it(self) -> bool:
         """Whether it names the right rival often enough for its bench time."""
-        return self.odds.right >= _WORTH and self.odds.wrong <= 2.0 * MOST_WRONG
+        return is_worth_bench_time(self.odds)
+
+
+def is_worth_bench_time(found: Odds) -> bool:
+    """Whether an experiment names the right rival often enough, and a wrong one seldom enough."""
+    return found.right >= _WORTH and found.wrong <= 2.0 * MOST_WRONG
 
 
 @dataclass(frozen=True)
@@ -174,22 +176,8 @@ class Separating:
                 no_better += 1
             if self._suffices(found) or no_better == _NO_BETTER:
                 break
-            longer = self._longer([item.experiment for item in drawn])
-            if longer is None:
+            further = longer([item.experiment for item in drawn], self.budget)
+            if further is None:
                 break
-            chosen = longer
+            chosen = further
         return chosen if best is None else best[1]
-
-    def _longer(self, chosen: list[Experiment]) -> list[Experiment] | None:
-        """Return an experiment that takes half as long again, or once more; None beyond the budget.
-
-        It is none of more than `TOGETHER` trials.
-        """
-        *first, last = chosen
-        gone = sum(item.seconds for item in first)
-        most = min(LONGEST, self.budget - gone)
-        if last.seconds < 0.95 * most:
-            return [*first, last.lasting(min(1.6 * last.seconds, most))]
-        if len(chosen) < TOGETHER and gone + 2.0 * last.seconds <= self.budget:
-            return [*chosen, last]
-        return None

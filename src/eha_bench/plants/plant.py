@@ -372,11 +372,10 @@ class Plant:
             InputError: nothing drives this plant, or its setup cannot be so.
         """
         if not self.command and command not in self.imposable_motions:
-            motions = " or ".join(self.imposable_motions)
+            modes = " or ".join(f"`mode: {name}`" for name in self.imposable_motions)
             raise InputError(
-                f"{self.id} has no input that a controller commands"
-                + (f", and a mode can only impose {motions}" if motions else ""),
-                hint=_FOR_DATASETS,
+                f"{self.id} has no input that a controller commands",
+                hint=f"only a suite can drive it, with {modes}" if modes else _FOR_DATASETS,
             )
         if locked and not self.can_lock:
             raise InputError(f"{self.id} has nothing to lock", hint="set `piston: free`")
@@ -452,6 +451,20 @@ class Plant:
     def elastic_pairs(self) -> tuple[ElasticPair, ...]:
         """Pairs of parts that a spring joins, and so move nearly alike."""
         return ()
+
+    def unbent(self, initial: Mapping[str, float]) -> dict[str, float]:
+        """Return first states with parts that springs join to others where no spring is bent.
+
+        Args:
+            initial: state -> reading, SI; a part that is not in it is as far as its neighbour.
+        """
+        found = dict(initial)
+        for _ in self.elastic_pairs:
+            for first, second in (pair.positions for pair in self.elastic_pairs):
+                for known, other in ((first, second), (second, first)):
+                    if known in found and other not in found:
+                        found[other] = found[known]
+        return found
 
     @property
     def charged_by(self) -> Mapping[str, str]:

@@ -162,6 +162,23 @@ def _block(content: dict[str, Any], key: str, where: Place) -> tuple[dict[str, A
     return block, last
 
 
+def _check_closes_a_loop(case: Case, key: str, where: Place) -> None:
+    """Refuse a gain of a mode whose trials all impose a motion.
+
+    Raises:
+        InputError: it is one.
+    """
+    mode = key.partition(".")[0]
+    trials = [trial for trial in case.suite.trials if trial.mode.name == mode]
+    if trials and all(case.simulator.imposes(trial) for trial in trials):
+        raise InputError(
+            f"trial '{trials[0].id}' imposes {mode}: no controller closes that loop, and "
+            f"'{key}' would change nothing",
+            where=where,
+            hint="vary parameters of the model, or give it an input that is commanded",
+        )
+
+
 def factor_of(kind: type[Factor], case: Case, key: str, content: Located) -> Factor:
     """Return the factor that an entry of a file declares.
 
@@ -182,6 +199,7 @@ def factor_of(kind: type[Factor], case: Case, key: str, content: Located) -> Fac
             _check_taken(case, key, gain, at)
             return gain.value
 
+        _check_closes_a_loop(case, key, where)
         return Gain(key, span_of(content, read_as_taken), unit, where, written)
     if kind is ModelParameter:
         model = case.simulator.model

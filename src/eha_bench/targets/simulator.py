@@ -29,6 +29,9 @@ from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 
 # a quarter of the step at which the load's oscillation on the oil spring is integrated to 1e-4
 DEFAULT_STEP = 12.5e-6
+DEFAULT_CONTROLLERS = "controllers/paper.yaml"
+_CLOSER = 101
+"""Moments between two samples at which it is looked whether a reference jumps."""
 
 
 class SimulatorFile(StrictModel):
@@ -124,18 +127,54 @@ class Simulator(Target):
         low, high = self._plant.position_range(self._vector).get(channel, (-math.inf, math.inf))
         return Bounds(low, high)
 
+    def imposes(self, trial: Trial) -> bool:
+        """Whether a trial imposes a motion: no controller closes a loop there."""
+        return self._command(trial) in self._plant.imposable_motions
+
     def check(self, trial: Trial) -> None:
-        """Raise an InputError if there is no controller for the mode, or no such start."""
+        """Refuse a trial that cannot be run.
+
+        Raises:
+            InputError: there is no controller for its mode, or one for a motion that it imposes; no
+                such start; or an imposed position that jumps.
+        """
         command = self._command(trial)
         held = {*self._plant.inputs} - {command}
-        self._plant.check_session(
-            command=command,
-            locked=trial.setup.piston is Piston.LOCKED,
-            bypass_open=trial.setup.bypass is Bypass.OPEN,
-        )
+        try:
+            self._plant.check_session(
+                command=command,
+                locked=trial.setup.piston is Piston.LOCKED,
+                bypass_open=trial.setup.bypass is Bypass.OPEN,
+            )
+        except InputError as error:
+            what = f"trial '{trial.id}' cannot be run: {error.what}"
+            raise InputError(what, where=trial.mode.where, hint=error.hint) from error
         check_channels(trial, self.units, self._plant.id, command, held)
+        if self.imposes(trial):
+            self._check_imposed(trial)
         self._controller(trial)
         self._initial(trial)
+
+    def _check_imposed(self, trial: Trial) -> None:
+        """Refuse what an imposed motion cannot be."""
+        mode, file = trial.mode.name, self._controllers.name
+        if mode in self._controllers.by_mode and file != str(shipped_file(DEFAULT_CONTROLLERS)):
+            raise InputError(
+                f"trial '{trial.id}' imposes {mode}, and the controller for that mode would do "
+                "nothing",
+                where=Place(file=file, key=mode),
+                hint=f"remove the block '{mode}:', or give the model an input that is commanded",
+            )
+        if trial.mode.channel not in self._plant.roles.rate_of:
+            return
+        jump = _jump_of(trial)
+        if jump is not None:
+            raise InputError(
+                f"trial '{trial.id}' lets the imposed {mode} jump at {jump:.4g} s, which no part "
+                "can follow",
+                where=trial.mode.where,
+                hint="use a signal that does not jump, such as a ramp, a sine or a chirp",
+            )
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
         """Run one repeat; the same trial, repeat and files give the same recording."""
@@ -158,7 +197,7 @@ class Simulator(Target):
             self._sensors,
             self._constants(),
             {name: unit for name, unit in self.units.items() if name not in CHANNELS},
-            "" if command in self._plant.imposable_motions else command,
+            "" if self.imposes(trial) else command,
         )
         return loop.run(session, stopping)
 
@@ -169,7 +208,7 @@ class Simulator(Target):
             InputError: the revision has no controller for that mode.
         """
         context = self._context(trial)
-        if context.command in self._plant.imposable_motions:
+        if self.imposes(trial):
             return OpenLoop(NoGains(), context)
         return self._controllers.make(trial.mode, context)
 
@@ -219,7 +258,8 @@ class Simulator(Target):
         asked = dict(trial.setup.initial)
         follows = trial.channel in plant.references and plant.followed_by(trial.channel)
         moved = follows or trial.channel
-        if not asked and trial.setup.piston is Piston.FREE and moved in ranges:
+        led = moved in ranges or (self.imposes(trial) and moved in plant.roles.rate_of)
+        if not asked and trial.setup.piston is Piston.FREE and led:
             asked[moved] = float(trial.reference(np.zeros(1))[0])
         initial = {name: value for name, value in asked.items() if name in plant.states}
         for name, value in asked.items():
@@ -240,7 +280,21 @@ class Simulator(Target):
                     f"trial '{trial.id}' starts at a {name} of {value:g} {unit}, outside its range",
                     hint=f"it can be between {low:.4g} and {high:.4g} {unit}",
                 )
-        return initial
+        return plant.unbent(initial)
+
+
+def _jump_of(trial: Trial) -> float | None:
+    """Return when a reference jumps most, s on the trial's clock; None where it never does.
+
+    Between two samples a jump stays as large however closely one looks.
+    """
+    clock = trial.clock()
+    steps = np.abs(np.diff(trial.reference(clock)))
+    if not steps.size or not steps.max() > 0.0:
+        return None
+    at = int(steps.argmax())
+    closer = trial.reference(np.linspace(clock[at], clock[at + 1], _CLOSER))
+    return float(clock[at + 1]) if np.abs(np.diff(closer)).max() > 0.5 * steps[at] else None
 
 
 def _again(
@@ -273,7 +327,7 @@ def simulator_from_file(path: Path) -> Simulator:
     own = yaml_file.file_beside(path, content, "controller") if file.controller else None
     return Simulator(
         model,
-        load_controllers(own or shipped_file("controllers/paper.yaml")),
+        load_controllers(own or shipped_file(DEFAULT_CONTROLLERS)),
         sensors=file.sensors,
         step=file.step,
         name=f"simulator:{path.stem}",
@@ -284,7 +338,7 @@ def default_simulator(model: Path | None = None, controller: Path | None = None)
     """Return the simulator with the shipped model and controller, or those given."""
     chosen = model or shipped_file("models/paper.yaml")
     return Simulator(
-        model_from(chosen), load_controllers(controller or shipped_file("controllers/paper.yaml"))
+        model_from(chosen), load_controllers(controller or shipped_file(DEFAULT_CONTROLLERS))
     )
 
 

@@ -74,7 +74,8 @@ class GainTrials:
         self.space = replace(self.space, case=case)
         modes = [factor.key for factor in self.space.factors]
         names = {
-            trial.id: any(key.startswith(f"{trial.mode.name}.") for key in modes)
+            trial.id: not case.simulator.imposes(trial)
+            and any(key.startswith(f"{trial.mode.name}.") for key in modes)
             for trial in case.suite.trials
         }
         self._moved = _with_trials(case, {name for name, moved in names.items() if moved})

@@ -18,8 +18,13 @@ def imposable_signals(system: System) -> list[tuple[str, int]]:
 
 
 def shown_motions(system: System) -> tuple[str, ...]:
-    """Return the channels that show how parts move, which a drive may impose."""
-    moving = {place for item in system.coordinates for place in (item.speed, item.position)}
+    """Return the channels that show how parts move, one of which a drive may impose.
+
+    A part without inertia moves only as it is made to: beside one, no other is imposed.
+    """
+    left = [item for item in system.coordinates if not system.inertias(item)]
+    may = system.coordinates if not left else left if len(left) == 1 else ()
+    moving = {place for item in may for place in (item.speed, item.position)}
     return tuple(item.channel for item in system.outputs if item.state in moving)
 
 
