@@ -17,7 +17,7 @@ from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import ProgressHook
 from eha_bench.core.result import Status
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
+from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE, Verdict
 from eha_bench.experiment.files import dataset_path, run_folder
 from eha_bench.experiment.propose import ASKED, WITHIN
 from eha_bench.report.rounds_report import write_rounds_report
@@ -32,7 +32,8 @@ PAGE = "rounds.html"
 class Settled(StrEnum):
     """How the rounds ended.
 
-    `settled`: nothing is open. `none_permitted`: no permitted experiment would go further.
+    `settled`: nothing is open. `none_permitted`: no permitted experiment would go further, or none
+    can be planned for what is unknown.
     `out_of_rounds`: as many were made as asked for. `stopped`: a run did not come to its end.
     """
 
@@ -58,13 +59,27 @@ class Round:
     experiment: Mapping[str, Any] | None = None
     status: str = ""
 
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict of its diagnosis."""
+        return Verdict(self.diagnosis["verdict"])
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """What was found, each with what the data do not distinguish from it: `a or b`."""
+        ties = self.diagnosis.get("equivalent", [])
+        found = [item["id"] for item in self.diagnosis.get("effects", [])]
+        return tuple(
+            " or ".join(next((tie for tie in ties if cause in tie), [cause])) for cause in found
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
         experiment = self.experiment or {}
         return {
             "round": self.number,
             "folder": self.folder.name,
-            "verdict": self.diagnosis["verdict"],
+            "verdict": self.verdict.value,
             "effects": [item["id"] for item in self.diagnosis.get("effects", [])],
             "equivalent": self.diagnosis.get("equivalent", []),
             "experiment": experiment.get("sentence", ""),
@@ -134,8 +149,9 @@ def close(
     folder = writable(Path(out))
     # before the first diagnosis, which takes minutes, not after it
     opened = open_target(str(target))
-    notes: tuple[str, ...] = ()
-    if not (folder / "round-1" / "diagnosis" / DIAGNOSIS_FILE).exists():
+    if (folder / "round-1" / "diagnosis" / DIAGNOSIS_FILE).exists():
+        notes = _notes_of(folder)
+    else:
         notes = _beside_the_plant(load_dataset(dataset), opened, target)
     tell = progress or (lambda _stage, _fraction: None)
     _own(folder, dataset, target)
@@ -152,7 +168,8 @@ def close(
                            probability=probability, within=within)  # fmt: skip
         done[-1] = found = Round(number, place, found.diagnosis, planned)
         if planned["ending"] != "proposed":
-            open_ = planned["ending"] == "none_permitted"
+            # an unknown that no rival can play has nothing to separate, and is open all the same
+            open_ = planned["ending"] == "none_permitted" or found.verdict is Verdict.UNKNOWN
             ending = Settled.NONE_PERMITTED if open_ else Settled.SETTLED
             break
         if number > rounds:
@@ -168,6 +185,14 @@ def close(
     found_all = Rounds(ending, tuple(done), folder, notes)
     _write(found_all)
     return found_all
+
+
+def _notes_of(folder: Path) -> tuple[str, ...]:
+    """Return what was noted when the rounds of a folder were begun."""
+    file = folder / SUMMARY
+    if not file.exists():
+        return ()
+    return tuple(json.loads(file.read_text(encoding="utf-8")).get("notes", ()))
 
 
 def _beside_the_plant(dataset: Dataset, opened: Target, target: str | Path) -> tuple[str, ...]:

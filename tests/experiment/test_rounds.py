@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from experiment_question import rival, write_question
 
 import eha_bench as eb
 from eha_bench.core.errors import InputError
 from eha_bench.diagnosis.data.dataset import load_dataset
-from eha_bench.rounds import Settled, _beside_the_plant, close
+from eha_bench.rounds import Round, Settled, _beside_the_plant, close
 from eha_bench.targets.resolve import open_target
 
 PLANT = """\
@@ -96,3 +98,43 @@ def _dataset(folder: Path) -> None:
     (folder / "dataset.yaml").write_text(
         "model: plant.yaml\nruns: [{log: log.csv, channels: channels.yaml, use: train}]\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("verdict", "ending"), [("none", Settled.SETTLED), ("unknown", Settled.NONE_PERMITTED)]
+)
+def test_an_unknown_that_nothing_can_play_is_not_settled(
+    tmp_path: Path, verdict: str, ending: Settled
+):
+    _dataset(tmp_path)
+    (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
+    # a folder's diagnosis is taken as it is
+    place = write_question(
+        tmp_path / "loop/round-1/diagnosis",
+        [rival(None, source=str(tmp_path / "plant.yaml"), known=("drag.coulomb",))],
+        noise={"motor_speed": 0.3},
+        extremes={"current_command": (-8.0, 8.0), "motor_speed": (-100.0, 100.0)},
+        piston="free",
+    )
+    content = json.loads((place / "diagnosis.json").read_text())
+    unknown = {"equation": "torque", "variables": [], "description": ""}
+    content |= {"verdict": verdict, "complete": True} | ({"unknown": unknown} if verdict == "unknown" else {})
+    (place / "diagnosis.json").write_text(json.dumps(content))
+    noted = ("rig.yaml simulates something else",)
+    (tmp_path / "loop/rounds.json").write_text(json.dumps({"notes": noted}))
+    found = close(tmp_path / "dataset.yaml", tmp_path / "rig.yaml", tmp_path / "loop")
+    assert found.ending is ending
+    # what was noted before an interruption is still to be known
+    assert found.notes == noted
+    page = (tmp_path / "loop/rounds.html").read_text()
+    sentence = found.rounds[-1].to_dict()["experiment"]
+    assert sentence[1:] in page.replace("\n", " ")
+
+
+def test_what_is_not_distinguished_is_named_with_what_was_found(tmp_path: Path):
+    found = Round(
+        1, tmp_path,
+        {"verdict": "effect", "effects": [{"id": "command_delay"}, {"id": "gravity_load"}],
+         "equivalent": [["command_delay", "command_lag"]]},
+    )  # fmt: skip
+    assert found.causes == ("command_delay or command_lag", "gravity_load")

@@ -168,10 +168,12 @@ def close(
             raise KeyboardInterrupt(_GOES_ON) from stop
     for note in found.notes:
         say(f"note: {note}")
-    for item in found.to_dict()["rounds"]:
-        causes = ", ".join(item["effects"]) or "no effect"
-        plan = item["experiment"][:1].upper() + item["experiment"][1:]
-        say(f"round {item['round']}: {item['verdict']} ({causes}). {plan}".rstrip())
+    for item in found.rounds:
+        causes = ", ".join(item.causes) or "no effect"
+        plan = str((item.experiment or {}).get("sentence", ""))
+        say(
+            f"round {item.number}: {item.verdict} ({causes}). {plan[:1].upper()}{plan[1:]}".rstrip()
+        )
     say(f"{found.ending.value.replace('_', ' ')} after {found.bench_seconds:.3g} s of bench time")
     if json:
         content = found.to_dict()

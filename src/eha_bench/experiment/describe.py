@@ -36,10 +36,13 @@ def words_of(candidate: Experiment, plan: ExperimentSettings) -> str:
         "prbs": "a random binary sequence between {low} and {high}, {bit} a bit",
     }[signal["kind"]].format(**_readable(signal), most=_most(signal.get("levels", ())))
     piston, bypass = candidate.setup
-    setup = "piston locked" if piston is Piston.LOCKED else "free motion"
+    # what nothing can lock moves freely anyway
+    setups = ["piston locked"] if piston is Piston.LOCKED else []
+    if any(other is Piston.LOCKED for other, _ in plan.command) and not setups:
+        setups = ["free motion"]
     if bypass is Bypass.OPEN:
-        setup += ", bypass open"
-    return f"{phrases}, {setup}, {candidate.seconds:.3g} s"
+        setups.append("bypass open")
+    return ", ".join([phrases, *setups, f"{candidate.seconds:.3g} s"])
 
 
 def _readable(signal: Mapping[str, object]) -> dict[str, object]:

@@ -28,10 +28,8 @@ class RoundRow:
 
 
 _WORDS = {
-    "settled": ("passed", "Settled", "One cause is left, and every parameter is known."),
-    "none_permitted": (
-        "undecided", "Not settled", "No permitted experiment would separate the causes further.",
-    ),
+    "settled": ("passed", "Settled", "Nothing is open."),
+    "none_permitted": ("undecided", "Not settled", "No permitted experiment would go further."),
     "out_of_rounds": ("undecided", "Not settled", "The permitted number of rounds was reached."),
     "stopped": ("fault", "Stopped", "A run did not finish."),
 }  # fmt: skip
@@ -44,6 +42,9 @@ def write_rounds_report(path: Path, content: Mapping[str, Any]) -> Path:
         path: of the page. content: of rounds.json.
     """
     status, word, sentence = _WORDS[content["ending"]]
+    last = content["rounds"][-1]
+    if last["ending"] not in (None, "proposed"):
+        sentence = f"{last['experiment'][:1].upper()}{last['experiment'][1:]}."
     rows = tuple(_row(item) for item in content["rounds"])
     seconds = f"{number(content['bench_seconds'], 2)} s"
     page = {
