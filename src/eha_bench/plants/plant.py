@@ -448,6 +448,11 @@ class Plant:
         return {}
 
     @property
+    def held_inputs(self) -> tuple[str, ...]:
+        """Inputs that keep their value from one sample to the next."""
+        return (self.command,) if self.command else ()
+
+    @property
     def elastic_pairs(self) -> tuple[ElasticPair, ...]:
         """Pairs of parts that a spring joins, and so move nearly alike."""
         return ()

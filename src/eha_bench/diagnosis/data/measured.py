@@ -79,6 +79,7 @@ class Measured:
         clocks: clock -> place of its lateness in a vector of parameters.
         lateness: clock -> s by which its stamps are late, as far as it is known.
         unsure: input -> its values that were not logged.
+        given_every: input -> s from one of its values to the next, where that is less than `tick`.
         apart: whether channels tick on different clocks.
     """
 
@@ -103,6 +104,7 @@ class Measured:
     clocks: Mapping[str, int] = field(default_factory=dict)
     lateness: Mapping[str, float] = field(default_factory=dict)
     unsure: Mapping[str, LostValues] = field(default_factory=dict)
+    given_every: Mapping[str, float] = field(default_factory=dict)
     apart: bool = False
 
     def at(self, channel: str, ticks: slice | IndexArray) -> FloatArray:

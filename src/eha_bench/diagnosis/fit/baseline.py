@@ -13,6 +13,7 @@ from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.colour import FEWEST
+from eha_bench.diagnosis.data.command_lead import led
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import admit, restful_channels
 from eha_bench.diagnosis.data.measured import Measured, notes_of_runs, pooled_noise
@@ -27,6 +28,7 @@ from eha_bench.diagnosis.data.windows import (
 )
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.chosen_windows import thinned_windows, thinning_notes
+from eha_bench.diagnosis.fit.command_leads import command_leads, lead_notes
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.friction_at_rest import at_rest, friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -211,6 +213,10 @@ def _calibrate(
         windows = [window_at(own[w.measured.run.name], w.first, w.last, noise) for w in windows]
         rough = rough.over(windows)
         rough.prepare(arrival.fit.vector)
+    periods, rough, reached = command_leads(rough, arrival.fit)
+    if periods:
+        arrival = replace(arrival, fit=reached)
+        measured, windows = _led(measured, windows, periods)
     seen = NOTHING_SEEN
     if not _rest_is_seen(measured):
         seen = noise_of_residual(rough, arrival.fit.vector)
@@ -248,6 +254,7 @@ def _calibrate(
         (
             *notes_of(outliers),
             *told,
+            *lead_notes(measured),
             *unsteady_notes(uncut.windows, problem.windows),
             *(colour_notes(measured) if seen.colours else ()),
         ),
@@ -255,6 +262,16 @@ def _calibrate(
         arrival.agreed,
         tuple(outliers),
     )
+
+
+def _led(
+    measured: Sequence[Measured], windows: Sequence[Window], periods: Mapping[str, float]
+) -> tuple[tuple[Measured, ...], list[Window]]:
+    """Return runs and windows whose commands lead what was logged of them."""
+    own = {item.run.name: led(item, periods) for item in measured}
+    return tuple(own.values()), [
+        replace(window, measured=own[window.measured.run.name]) for window in windows
+    ]
 
 
 def _with_what_tells(

@@ -13,6 +13,7 @@ from typing import Any
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.data.command_lead import led_like
 from eha_bench.diagnosis.data.dataset import Dataset, Use
 from eha_bench.diagnosis.data.gate import admit, restful_channels
 from eha_bench.diagnosis.data.measured import Measured
@@ -210,7 +211,8 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
                 restful=restful,
                 roles=dataset.model.plant.roles,
             )
-            found.append(like_clocks(coloured_like(item, fitted), fitted))
+            item = led_like(coloured_like(item, fitted), fitted)
+            found.append(like_clocks(item, fitted))
         except EhaBenchError as error:
             notes.append(f"held-out run {run.name} is not scored: {error}")
     return found, notes

@@ -891,6 +891,11 @@ class NetworkPlant(Plant):
             )  # fmt: skip
         return tuple(found)
 
+    @property
+    def held_inputs(self) -> tuple[str, ...]:
+        """Inputs that keep their value from one sample to the next."""
+        return tuple(item.channel for item in self.system.columns if item.held)
+
     @cached_property
     def elastic_pairs(self) -> tuple[ElasticPair, ...]:
         """Pairs of parts that a spring joins, and so move nearly alike."""
