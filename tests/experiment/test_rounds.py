@@ -118,7 +118,9 @@ def test_an_unknown_that_nothing_can_play_is_not_settled(
     )
     content = json.loads((place / "diagnosis.json").read_text())
     unknown = {"equation": "torque", "variables": [], "description": ""}
-    content |= {"verdict": verdict, "complete": True} | ({"unknown": unknown} if verdict == "unknown" else {})
+    content |= {"verdict": verdict, "complete": True} | (
+        {"unknown": unknown} if verdict == "unknown" else {}
+    )
     (place / "diagnosis.json").write_text(json.dumps(content))
     noted = ("rig.yaml simulates something else",)
     (tmp_path / "loop/rounds.json").write_text(json.dumps({"notes": noted}))

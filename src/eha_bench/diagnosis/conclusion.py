@@ -24,6 +24,7 @@ from eha_bench.diagnosis.outcome.honest import (
     curve_is_worse,
     prune,
 )
+from eha_bench.diagnosis.outcome.led_commands import with_led_commands
 from eha_bench.diagnosis.outcome.misplaced_columns import misplaced_column
 from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
@@ -74,6 +75,9 @@ class Conclusion:
         try:
             with checkpoints(asked), fits_by(workers):
                 self._decide()
+                if (given := with_led_commands(self.base, self.search)) is not None:
+                    self.base, self.search = given, begin(given, self.search.thresholds)
+                    self._decide()
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
                     self.base, self.search = slow, begin(slow, self.search.thresholds)
                     self._decide()

@@ -449,7 +449,7 @@ class Plant:
 
     @property
     def held_inputs(self) -> tuple[str, ...]:
-        """Inputs that keep their value from one sample to the next."""
+        """Inputs that keep their value between samples because nobody declared what they do."""
         return (self.command,) if self.command else ()
 
     @property

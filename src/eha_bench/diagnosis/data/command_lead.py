@@ -1,10 +1,13 @@
 """Commands that were given more often than they were logged.
 
 A command is held from one logged sample to the next. Where it was computed m times as often, the
-next value begins to act before it is logged: over a sample period T the command is on average
-u_k + s (u_k+1 - u_k), s = (m - 1) / (2 m): a quarter for a log of every second value, a half for a
-command that goes straight. So s T is the time by which it leads what was logged. A jump leads
-nothing: what asks for it is computed as seldom as it is logged, as a step of a suite is.
+next value begins to act before it is logged. The mean of those m values over a sample period T is
+
+    u_k + s (u_k+1 - u_k) - s (1 - s) / 3 T^2 u'',  s = (m - 1) / (2 m),
+
+to second order: s is a quarter for a log of every second value, a half for a command that goes on
+between samples, and s T the time by which it leads what was logged. A jump leads nothing: what asks
+for it is computed as seldom as it is logged, as a step of a suite is.
 """
 
 from __future__ import annotations
@@ -47,7 +50,7 @@ def led_like(measured: Measured, others: Sequence[Measured]) -> Measured:
 
 
 def share_of(period: float, tick: float) -> float:
-    """Return the share of a tick by which a command leads that is given every `period`, both in s."""
+    """Return the share of a tick by which a command leads that is given every `period`, in s."""
     return min(max(0.5 * (1.0 - period / tick), 0.0), MOST)
 
 
@@ -60,9 +63,14 @@ def _led(measured: Measured, values: FloatArray, share: float) -> FloatArray:
     steps = np.diff(measured.time)
     # over a gap nobody knows what was commanded
     near = steps < GAP * float(np.median(steps))
-    out = values.copy()
     change = np.diff(values)
-    out[:-1] += np.where(near & ~_jumps(change), share * change, 0.0)
+    smooth = near & ~_jumps(change)
+    out = values.copy()
+    out[:-1] += np.where(smooth, share * change, 0.0)
+    # how it bends, where it does so smoothly on both sides
+    bend = 0.5 * (change[2:] - change[:-2])
+    around = smooth[:-2] & smooth[1:-1] & smooth[2:]
+    out[1:-2] -= np.where(around, share * (1.0 - share) / 3.0 * bend, 0.0)
     return out
 
 

@@ -33,8 +33,8 @@ _LEAST = 0.02
 _SELDOM = 0.2
 """Share of a sample period below which a command as good as goes straight between samples."""
 _OFTEN = (
-    "'{channel}' was given about every {given:.2g} ms and logged every {logged:.3g} ms: it is taken to "
-    "act {lead:.2g} ms before it was logged, which is no effect"
+    "'{channel}' was given about every {given:.2g} ms and logged every {logged:.3g} ms: it is "
+    "taken to act {lead:.2g} ms before it was logged, which is no effect"
 )
 _CONTINUOUS = (
     "'{channel}' goes on between the samples of its log, {logged:.3g} ms apart: it is taken to act "

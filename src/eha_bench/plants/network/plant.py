@@ -893,8 +893,13 @@ class NetworkPlant(Plant):
 
     @property
     def held_inputs(self) -> tuple[str, ...]:
-        """Inputs that keep their value from one sample to the next."""
-        return tuple(item.channel for item in self.system.columns if item.held)
+        """Inputs that keep their value between samples because nobody declared what they do."""
+        declared = {name for name, item in self.network.inputs.items() if item.held is not None}
+        return tuple(
+            item.channel
+            for item in self.system.columns
+            if item.held and item.channel not in declared
+        )
 
     @cached_property
     def elastic_pairs(self) -> tuple[ElasticPair, ...]:
