@@ -179,6 +179,24 @@ def test_a_warning_of_the_diagnosis_is_not_kept_back(tmp_path: Path):
     assert found.sentence.endswith(f"; check what the diagnosis warns of: {moved}")
 
 
+@pytest.mark.parametrize(("ended", "said"), [
+    ({"converged": False, "residual_over_floor": 1.0}, "its calibration has not converged"),
+    ({"converged": True, "residual_over_floor": 3.8},
+     "its model leaves 3.8 times the noise unexplained, in the flow balance"),
+])  # fmt: skip
+def test_no_interval_is_narrowed_that_the_diagnosis_does_not_give(
+    tmp_path: Path, ended: dict[str, object], said: str
+):
+    folder = write_question(tmp_path, [rival(*LAG, share=0.3)])
+    file = folder / "diagnosis.json"
+    content = json.loads(file.read_text()) | {"convergence": ended}
+    content["remainder"] = {"equation": "flow", "share": 0.4}
+    file.write_text(json.dumps(content))
+    found = eb.next_experiment(folder, budget=1.0)
+    assert found.ending is ProposalEnding.NONE_PERMITTED
+    assert said in found.sentence
+
+
 def test_an_interval_that_stays_wider_than_asked_is_said_to(tmp_path: Path):
     folder = write_question(tmp_path, [rival(*LAG, share=0.3)])
     found = eb.next_experiment(folder, budget=1.0, within=1e-6)

@@ -14,6 +14,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.json_file import read_object
+from eha_bench.diagnosis.fit.convergence import MOST
 from eha_bench.diagnosis.fit.friction_at_rest import is_friction_at_rest
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE, SCHEMA_VERSION
 from eha_bench.diagnosis.outcome.rival import Standing
@@ -145,6 +146,7 @@ class Question:
             tell from it. covered: where its recordings have been. complete: whether it ended.
         not_simulated: what acts and is in no rival, "" where everything is.
         source: diagnosis.json. cautions: what the diagnosis warns of, one sentence each.
+        no_interval: why the diagnosis gives no interval of anything, "" where it does.
     """
 
     verdict: str
@@ -154,6 +156,7 @@ class Question:
     not_simulated: str
     source: Path
     cautions: tuple[str, ...] = ()
+    no_interval: str = ""
 
 
 def read_question(path: str | Path) -> Question:
@@ -204,7 +207,21 @@ def read_question(path: str | Path) -> Question:
             for note in content.get("notes") or ()
             if note.startswith(_CAUTION)
         ),
+        _why_no_interval(content),
     )
+
+
+def _why_no_interval(content: Mapping[str, Any]) -> str:
+    """Say why a fit tells no interval of what it found, as a clause; "" where it does."""
+    ended = content.get("convergence") or {}
+    if not ended.get("converged", True):
+        return "its calibration has not converged"
+    ratio = float(ended.get("residual_over_floor") or 0.0)
+    if ratio <= MOST:
+        return ""
+    where = (content.get("remainder") or {}).get("equation")
+    own = f", in the {where} balance" if where else ""
+    return f"its model leaves {ratio:.2g} times the noise unexplained{own}"
 
 
 def _not_simulated(unknown: Mapping[str, Any]) -> str:

@@ -152,6 +152,8 @@ class _Planner:
 
     def run(self) -> Proposal:
         """Search, and say how it ended."""
+        if len(self.causes) < 2 and self.question.no_interval:
+            return self._none_permitted(self._why_no_interval())
         if self._nothing_open():
             return self._ending(ProposalEnding.NOTHING_OPEN, self._why_nothing_open())
         if not self.plan.command:
@@ -238,6 +240,16 @@ class _Planner:
             return False
         return bool(self.question.not_simulated) or (
             self._worst(self.rivals[0].covariance) <= self.within
+        )
+
+    def _why_no_interval(self) -> str:
+        """Say that parameters are not narrowed while their model leaves too much unexplained."""
+        if self.question.not_simulated:
+            return self._why_nothing_open()
+        return (
+            "the diagnosis gives no interval that could be narrowed, for "
+            f"{self.question.no_interval}: log more channels, or declare what the plant lacks, and "
+            "run `eha-bench diagnose` again"
         )
 
     def _why_nothing_open(self) -> str:

@@ -321,6 +321,9 @@ def _with_belief(normal: FloatArray, belief: FloatArray) -> FloatArray:
     return np.asarray(root @ root.T)
 
 
+_HELD = "; along it their intervals are what `within` says"
+
+
 @dataclass(frozen=True)
 class ParameterDirection:
     """A direction in which the parameters of a calibration may move.
@@ -352,32 +355,42 @@ def undetermined_directions(fit: Fit) -> tuple[str, ...]:
     """Return, in words, the directions in which the parameters could move unnoticed.
 
     A direction counts where one standard deviation along it changes parameters by 30 %, or three
-    and more of them together by 10 %. What is believed of them beforehand has no say.
+    and more of them together by 10 %. What is believed of them beforehand has no say in that; where
+    it alone holds them, that is said.
     """
+    open_ = open_parameters(fit)
     return tuple(
-        item.words()
+        item.words() + (_HELD if fit.beliefs and not open_ & item.shares.keys() else "")
         for item in directions(fit)
         if item.deviation >= (LOOSE if len(item.shares) < 3 else _LOOSE_TOGETHER)
     )
 
 
 def open_parameters(fit: Fit) -> frozenset[str]:
-    """Return the parameters that the data do not determine: no interval says anything of them."""
+    """Return the parameters that nothing determines: no interval says anything of them.
+
+    What is believed of them beforehand has its say: a value that only `within` holds has an
+    interval as wide as that leaves it.
+    """
     return frozenset(
         key
-        for item in directions(fit)
+        for item in directions(fit, believed=True)
         for key, share in item.shares.items()
         if item.deviation * abs(share) >= LOOSE
     )
 
 
-def directions(fit: Fit) -> tuple[ParameterDirection, ...]:
-    """Return the directions of the information matrix of the parameters, the weakest first."""
+def directions(fit: Fit, *, believed: bool = False) -> tuple[ParameterDirection, ...]:
+    """Return the directions of the information matrix of the parameters, the weakest first.
+
+    Args:
+        fit: with its Jacobian. believed: whether what is believed beforehand informs as data do.
+    """
     free = [item for item in fit.free if not item.of_effect and not item.run]
     columns = [k for k, item in enumerate(fit.free) if item in free]
     if not columns:
         return ()
-    rows = slice(fit.residual.size - fit.beliefs)
+    rows = slice(fit.residual.size - (0 if believed else fit.beliefs))
     _, weight = soften(fit.residual[rows], fit.soft)
     size = np.array([abs(fit.vector[item.at]) or item.scale for item in free])
     scale = np.array([item.scale for item in free])
