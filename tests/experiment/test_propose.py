@@ -137,7 +137,10 @@ def test_one_rival_that_is_well_known_leaves_nothing_open(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("equation", "says"),
-    [(None, "was not located"), ("torque", "in the torque balance follows nothing")],
+    [
+        (None, "was not located"),
+        ("torque", "in the torque balance follows no curve of one logged channel"),
+    ],
 )
 def test_an_unknown_without_a_model_is_not_planned_for(tmp_path: Path, equation, says):
     folder = write_question(tmp_path, [rival(*LAG)])

@@ -33,6 +33,7 @@ from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.outcome.remainder import remainder
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
+from eha_bench.diagnosis.outcome.worst_range import worst_range
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.diagnosis.search.left_out_runs import explains_all_runs, search_in_all_runs
@@ -98,9 +99,10 @@ class Conclusion:
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN:
             found = self._with_misplaced_column(self._with_rare_stretches(found))
-            self.found = found = self._with_differing_runs(found)
+            self.found = found = self._with_worst_range(self._with_differing_runs(found))
         if found.complete and found.verdict is Verdict.EFFECT and self.search.is_unexplained:
-            self.found = found = self._with_remainder(found, asked, workers)
+            left = self._with_remainder(found, asked, workers)
+            self.found = found = self._with_worst_range(left)
         if found.complete and (why := beyond_training(found, limits)):
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
@@ -144,6 +146,17 @@ class Conclusion:
         for note in note_of_rare_stretches(self.search.problem, self.search.fit.vector):
             found = found.with_note(note)
         return found
+
+    def _with_worst_range(self, found: Diagnosis) -> Diagnosis:
+        """Note where the model errs most, where that is in one part of a channel's range."""
+        floors = found.covered.noise if found.covered is not None else {}
+        worst = worst_range(found.error_by_value, floors)
+        if worst is None:
+            return found
+        unknown = found.unknown
+        if unknown is not None:
+            unknown = replace(unknown, where=worst.words())
+        return replace(found, unknown=unknown).with_note(worst.words())
 
     def _with_misplaced_column(self, found: Diagnosis) -> Diagnosis:
         """Note a column of the log that stands a row beside its place."""

@@ -228,9 +228,10 @@ def _not_simulated(unknown: Mapping[str, Any]) -> str:
     """Say why something unknown is in no rival, as a clause."""
     if unknown.get("equation") is None:
         return "the unknown effect was not located"
+    where = f" ({unknown['where']})" if unknown.get("where") else ""
     return (
-        f"the unknown effect in the {unknown['equation']} balance follows nothing that was logged "
-        "closely enough for a model of it"
+        f"the unknown effect in the {unknown['equation']} balance follows no curve of one logged "
+        f"channel closely enough for a model of it{where}"
     )
 
 

@@ -255,8 +255,8 @@ class _Planner:
     def _why_nothing_open(self) -> str:
         if self.question.not_simulated:
             return (
-                f"{self.question.not_simulated}, so no rival can be simulated: log more "
-                "channels, and run `eha-bench diagnose` again"
+                f"{self.question.not_simulated}, so no rival can be simulated: declare what the "
+                "plant lacks, or log more channels, and run `eha-bench diagnose` again"
             )
         if not self.question.complete:
             return "the diagnosis was interrupted: run `eha-bench diagnose` again"

@@ -77,6 +77,7 @@ class Unknown:
         description: one sentence. share: part of the excess that the learned curve explains.
         period: of the variable where it is periodic, else 0. when: (start, stop) times in s.
         at: node, element or sensor where the learned curve acts; "" where there is none.
+        where: values of a channel at which the model errs most, as a clause; "" where about alike.
     """
 
     equation: str | None
@@ -86,6 +87,7 @@ class Unknown:
     period: float = 0.0
     when: tuple[tuple[float, float], ...] = ()
     at: str = ""
+    where: str = ""
 
 
 ADDED: Final = "added"
@@ -236,6 +238,7 @@ class Diagnosis:
                 "share": finite_or_none(self.unknown.share),
                 "period": self.unknown.period or None,
                 "when": [list(pair) for pair in self.unknown.when],
+                "where": self.unknown.where,
             },
             "remainder": None if self.remainder is None else self.remainder.to_dict(),
             "equivalent": [list(group) for group in self.equivalent],
