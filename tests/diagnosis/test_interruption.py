@@ -23,6 +23,7 @@ from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.plants.model import load_model
 from forked import Forked
@@ -205,3 +206,30 @@ def test_an_effect_that_was_on_trial_is_not_named() -> None:
     assert (search.accepted, search.fit) == ([], "without")
     assert decision.verdict is Verdict.UNKNOWN
     assert "before any cause had stood its test" in decision.notes[0]
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_an_interrupted_search_names_nothing_that_its_own_figures_refuse(
+    monkeypatch: pytest.MonkeyPatch, stands: bool
+) -> None:
+    item = SimpleNamespace(start=SimpleNamespace(candidate="relief_valve"))
+    against = None if stands else Refusal(item, "replays of held-out runs are worse with it")
+    monkeypatch.setattr(
+        "eha_bench.diagnosis.conclusion.against_the_end", lambda _search, _found: against
+    )
+    conclusion = object.__new__(Conclusion)
+    conclusion.search = SimpleNamespace(
+        accepted=[item], fit="with it", base="without", excess_left=0, excess_base=1
+    )
+    conclusion._assemble = lambda *, complete: SimpleNamespace(decision=conclusion.decision)
+    found = SimpleNamespace(verdict=Verdict.EFFECT, replays=("held",), decision="so far")
+    left = conclusion._if_it_stands(found)
+    if stands:
+        assert left is found
+        return
+    assert (conclusion.search.accepted, conclusion.search.fit) == ([], "without")
+    assert left.decision.verdict is Verdict.UNKNOWN
+    assert (
+        "relief_valve is not accepted: replays of held-out runs are worse"
+        in (left.decision.notes[0])
+    )

@@ -86,7 +86,7 @@ class Conclusion:
                     self._decide_with_all_runs()
         except KeyboardInterrupt:
             self.decision = self._decision_so_far()
-            return self._assemble(complete=False)
+            return self._if_it_stands(self._assemble(complete=False))
         found = self._assemble(complete=True)
         limits = self.search.thresholds
         while (
@@ -225,6 +225,19 @@ class Conclusion:
 
     def _open(self, note: str) -> Decision:
         return Decision(Verdict.UNKNOWN, self.search.fit, (note,), Unknown(None, (), note))
+
+    def _if_it_stands(self, found: Diagnosis) -> Diagnosis:
+        """Return what an interrupted search found, without causes that its own figures refuse."""
+        if found.verdict is not Verdict.EFFECT or found.replays == ():
+            return found
+        against = against_the_end(self.search, found)
+        if against is None:
+            return found
+        self.search.accepted, self.search.fit = [], self.search.base
+        self.search.excess_left = self.search.excess_base
+        note = f"interrupted during the search; {against.note}"
+        self.decision = self._open(note)
+        return self._assemble(complete=False)
 
     def _decision_so_far(self) -> Decision:
         note = "interrupted during the search: it names the causes found until then"
