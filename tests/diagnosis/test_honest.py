@@ -68,6 +68,23 @@ def test_a_model_that_is_worse_on_runs_never_fitted_is_told():
     assert worse(found(holdout={"pressure_a": error(float("inf"), 3.0)})) == ""
 
 
+def test_a_position_that_drifts_does_not_drown_pressures_that_are_worse():
+    # of a cylinder whose leak had another form: a relief valve made both pressures half as wrong again
+    drifting = {
+        "piston_position": error(332.0, 340.0),
+        "pressure_a": error(42.0, 62.0),
+        "pressure_b": error(32.0, 46.0),
+    }
+    assert "unseen runs grows, 1.3" in worse(found(holdout={}, unseen=drifting))
+    # a cause that helps most of them may cost one a little, and noise is no error
+    helped = {
+        "piston_position": error(332.0, 20.0),
+        "pressure_a": error(3.0, 3.5),
+        "pressure_b": error(0.5, 0.9),
+    }
+    assert worse(found(holdout=helped)) == ""
+
+
 def windows(after: float, replay: float = 1.0, start: float = 0.0) -> ChannelError:
     return ChannelError(9.0, replay, replay, 1.0, "Pa", after_windows=after, start=start)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import isfinite, isnan, sqrt
+from math import exp, isfinite, isnan, log, sqrt
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
@@ -283,7 +283,7 @@ def _deepen_base(search: Search) -> None:
 def worse(found: Diagnosis, limits: Thresholds) -> str:
     """Say on which runs the revised model is worse than the recalibrated one, or nothing."""
     for kind, errors in (("held-out", found.holdout), ("unseen", found.unseen)):
-        ratio = growth(errors)
+        ratio = max(growth(errors), growth_of_each(errors))
         if ratio > limits.worse:
             by = f"{ratio:.3g} times" if isfinite(ratio) else "without end"
             return f"with it the error of whole replays of {kind} runs grows, {by}"
@@ -297,15 +297,35 @@ def growth(errors: Mapping[str, ChannelError]) -> float:
     the measure.
     """
     before = after = 0.0
-    for name, item in errors.items():
-        if name == "pressure_difference" and {"pressure_a", "pressure_b"} <= errors.keys():
-            continue
-        floor = item.replay_floor
-        if floor > 0.0:
-            before += (item.before / floor) ** 2
-            after += (item.after / floor) ** 2
+    for item in _counted(errors):
+        before += (item.before / item.replay_floor) ** 2
+        after += (item.after / item.replay_floor) ** 2
     known = isfinite(before) and before > 0.0 and not isnan(after)
     return sqrt(after / before) if known else 1.0
+
+
+def growth_of_each(errors: Mapping[str, ChannelError]) -> float:
+    """Return the geometric mean of what the channels' errors grow by, each counting alike.
+
+    A position that drifts by hundreds of its noise drowns pressures in the sum, whose errors may
+    grow by half meanwhile. Below its noise no error counts as grown.
+    """
+    logs = [
+        log(max(item.after, item.replay_floor) / max(item.before, item.replay_floor))
+        for item in _counted(errors)
+        if isfinite(item.before) and isfinite(item.after)
+    ]
+    return exp(sum(logs) / len(logs)) if logs else 1.0
+
+
+def _counted(errors: Mapping[str, ChannelError]) -> list[ChannelError]:
+    """Return errors of channels that are their own, with what noise makes of a replay."""
+    twice = {"pressure_a", "pressure_b"} <= errors.keys()
+    return [
+        item
+        for name, item in errors.items()
+        if item.replay_floor > 0.0 and not (twice and name == "pressure_difference")
+    ]
 
 
 def curve_is_worse(found: Diagnosis, limits: Thresholds) -> str:
