@@ -69,7 +69,7 @@ def test_a_model_that_is_worse_on_runs_never_fitted_is_told():
 
 
 def test_a_position_that_drifts_does_not_drown_pressures_that_are_worse():
-    # of a cylinder whose leak had another form: a relief valve made both pressures half as wrong again
+    # of a cylinder whose leak had another form: a relief valve made both pressures half as wrong
     drifting = {
         "piston_position": error(332.0, 340.0),
         "pressure_a": error(42.0, 62.0),

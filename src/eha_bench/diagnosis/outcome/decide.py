@@ -240,7 +240,8 @@ def _decision_with_curve(
     template = best.template
     period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
     text = f"something {acts_in(template.equation, template.place)}"
-    if share > search.thresholds.follows:
+    follows = share > search.thresholds.follows
+    if follows:
         comma = "," if "," in text else ""
         text += f"{comma} and depends on {template.variable}"
         if period:
@@ -254,18 +255,19 @@ def _decision_with_curve(
     when = (
         times_of(search.problem, fit, search.declared_vector) if template.variable == "time" else ()
     )
-    learned = fit.cost < before
+    # what follows nothing is no curve to go on with
+    learned = follows and fit.cost < before
     return Decision(
         Verdict.UNKNOWN,
         fit if learned else search.fit,
         notes,
         Unknown(
             template.equation,
-            (template.variable,),
+            (template.variable,) if follows else (),
             text,
             max(share, 0.0),
-            period,
-            when,
+            period if follows else 0.0,
+            when if follows else (),
             template.place,
         ),
         learned,
