@@ -80,15 +80,21 @@ def test_the_sentence_gives_the_error_on_held_out_runs_beside_the_noise() -> Non
 
 
 def test_an_error_that_stays_is_not_said_to_grow() -> None:
-    found = nothing_found()
+    found = effect_found()
     same = {name: replace(item, after=1.0002 * item.before) for name, item in found.holdout.items()}
-    text = "something acts in held-out runs"
-    _, _, sentence = headline(
-        replace(
-            found, verdict=Verdict.UNKNOWN, unknown=Unknown("actuation", (), text), holdout=same
-        )
-    )
+    _, _, sentence = headline(replace(found, holdout=same))
     assert "stays at" in sentence
+
+
+def test_an_error_is_not_said_to_fall_where_nothing_was_added(tmp_path: Path) -> None:
+    where = "the model errs most where position is 0.04 to 0.05 m: speed by 8, 0.4 elsewhere"
+    unknown = Unknown("flow", (), "something acts in the flow balance", where=where)
+    found = replace(nothing_found(), verdict=Verdict.UNKNOWN, unknown=unknown)
+    _, _, sentence = headline(found)
+    assert sentence.startswith("Recalibrated, its error in ")
+    assert "falls" not in sentence
+    page = write_diagnosis_report(tmp_path, found, "dataset.yaml", DECLARED).read_text()
+    assert f"The{where[3:]}." in page
 
 
 def test_an_unknown_that_follows_nothing_is_not_said_to(tmp_path: Path) -> None:

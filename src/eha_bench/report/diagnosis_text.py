@@ -104,6 +104,11 @@ def _or_equivalent(effect: str, found: Diagnosis) -> str:
     return " or ".join([words_of(effect), *others])
 
 
+def _adds_anything(found: Diagnosis) -> bool:
+    """Whether the revised model has an effect or a curve that the declared one lacks."""
+    return bool(found.effects) or any(item.id == LEARNED for item in found.revised.effects)
+
+
 def _rests_on(found: Diagnosis) -> str:
     errors = found.holdout or found.unseen or found.train
     named = [name for name, item in errors.items() if _is_explained(item)]
@@ -114,7 +119,7 @@ def _rests_on(found: Diagnosis) -> str:
     fitted = errors is found.train
     kind = "the runs that were fitted" if fitted else "runs that were never fitted"
     noise = f"the noise there is {amount(item.noise_floor, item.unit)}"
-    if found.verdict is Verdict.NONE:
+    if not _adds_anything(found):
         return (
             f"Recalibrated, its error in {_channel(name)} on {kind} is "
             f"{amount(item.after, item.unit)} RMS; {noise}."
@@ -276,7 +281,7 @@ def unknown_place(found: Unknown) -> str:
 
 
 def unknown_text(found: Unknown, effects: Iterable[DeclaredEffect]) -> str:
-    """Say how much a learned curve explains, and whether it comes again.
+    """Say how much a learned curve explains, whether it comes again, and where the model errs most.
 
     Args:
         found: what is unknown. effects: of the revised model, the curve among them if it has it.
@@ -293,6 +298,8 @@ def unknown_text(found: Unknown, effects: Iterable[DeclaredEffect]) -> str:
     if found.period > 0.0:
         unit = {"time": "s", "shaft_angle": "rad"}.get(next(iter(found.variables), ""), "")
         named.append(f"It repeats every {quantity(found.period, unit)}.")
+    if found.where:
+        named.append(f"{found.where[:1].upper()}{found.where[1:]}.")
     return " ".join(named)
 
 
