@@ -197,8 +197,8 @@ class _Planner:
         if found is None:
             return self._none_permitted(
                 f"none of {self.simulator.tried} experiments is sure to keep every limit with "
-                f"margin ({self.permitted.words}): the recordings leave too much open, most of all "
-                f"{self._widest_words()}"
+                f"margin ({self.permitted.words}): the recordings leave too much open"
+                f"{self._most_of_all()}"
             )
         if not found.is_worth_it:
             return self._none_separates(found)
@@ -228,8 +228,8 @@ class _Planner:
         before = self._worst(self.rivals[0].covariance)
         if found.worst > _NARROWER * before and found.worst > self.within:
             return self._none_permitted(
-                f"no permitted experiment of {self.budget:g} s narrows the interval of "
-                f"{self._widest_words()} by much"
+                f"no permitted experiment of {self.budget:g} s narrows by much what the recordings "
+                f"leave open{self._most_of_all()}"
             )
         return self._proposal_of(found.experiments)
 
@@ -247,7 +247,7 @@ class _Planner:
         if self.question.not_simulated:
             return self._why_nothing_open()
         return (
-            "the diagnosis gives no interval that could be narrowed, for "
+            "the diagnosis gives no interval that could be narrowed, because "
             f"{self.question.no_interval}: log more channels, or declare what the plant lacks, and "
             "run `eha-bench diagnose` again"
         )
@@ -276,16 +276,18 @@ class _Planner:
             return ""
         return f"; check what the diagnosis warns of: {'; '.join(cautions)}"
 
-    def _widest_words(self) -> str:
-        """Return the parameter that is known least, and how well."""
+    def _most_of_all(self) -> str:
+        """Return the parameter that is known least, and how well, as a clause."""
         found = [
             (share, key)
             for rival in self.rivals
             for key, share in rival.relative_half_widths(rival.covariance).items()
             if counted_parameters([key])
         ]
+        if not found:
+            return ""
         share, key = max(found)
-        return f"{key}, which is known to {width_words(share)}"
+        return f", most of all {key}, which is known to {width_words(share)}"
 
     def _worst(self, covariance: FloatArray) -> float:
         return worst_width(self.rivals[0], covariance)
@@ -311,8 +313,8 @@ class _Planner:
             )
         if not done:
             return self._none_permitted(
-                "no experiment is sure to keep every limit: the recordings leave too much open, "
-                f"most of all {self._widest_words()}"
+                "no experiment is sure to keep every limit: the recordings leave too much open"
+                f"{self._most_of_all()}"
             )
         last = one_after_the_other(done)[-1:]
         after = self._widths_after([item.experiment for item in done], layout, last[0])
