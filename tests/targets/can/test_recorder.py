@@ -116,20 +116,32 @@ def test_a_heartbeat_is_seen_through_another_descriptor() -> None:
     other.close()
 
 
+def _recording(folder: Path, rate: int) -> tuple[Recorder, Pacer]:
+    """A recorder that has recorded for 0.2 s; begun anew where a busy machine held it up itself."""
+    for attempt in range(5):
+        writer = Recorder()
+        writer.open(folder / f"run{attempt}.mcap", {"current": "A"}, 10**18, {}, {})
+        pacer = Pacer(1 / rate)
+        try:
+            for tick in range(1, rate // 5):
+                pacer.wait(tick, writer.watch)
+                writer.append(tick / rate, [1.0])
+        except RecordingError:
+            writer.stop()
+            continue
+        return writer, pacer
+    raise AssertionError("the machine holds a recorder up all the time")
+
+
 @pytest.mark.parametrize("rate", [1000, 20])
 def test_a_recorder_that_stalls_is_said_and_left_quickly(tmp_path: Path, rate: int) -> None:
     """Whatever the loop's rate; what a quiet machine needs for it is in docs/rig.md."""
-    writer = Recorder()
+    writer, pacer = _recording(tmp_path, rate)
     try:
-        writer.open(tmp_path / "run.mcap", {"current": "A"}, 10**18, {}, {})
-        pacer = Pacer(1 / rate)
-        for tick in range(1, rate // 5):
-            pacer.wait(tick, writer.watch)
-            writer.append(tick / rate, [1.0])
         os.kill(writer.pid, signal.SIGSTOP)
         start = time.monotonic()
         with pytest.raises(RecordingError, match="recorder has stalled"):
-            pacer.wait(tick + 3 * rate, writer.watch)
+            pacer.wait(4 * rate, writer.watch)
         noticed = time.monotonic() - start
         assert "stalled" in writer.close({})
     finally:
