@@ -19,17 +19,8 @@ from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_mar
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
+from spindle_plant import SPINDLE
 
-PLANT = """\
-plant: spindle
-nodes:
-  shaft: {kind: rotation, inertia: 9e-4 kg*m^2}
-elements:
-  motor: {kind: motor, on: shaft, torque_constant: 0.13 N*m/A, current_limit: 41 A}
-  drag:  {kind: friction, on: shaft, coulomb: 0.16 N*m, viscous: 0.005 N*m*s/rad}
-inputs:   {current_command: motor.current}
-channels: {motor_speed: shaft.speed}
-"""
 FAST = 1e-3
 """Time from one value that the controller gives to the next, s."""
 NOISE = {"motor_speed": 0.05}
@@ -102,7 +93,7 @@ def _fitted(model, measured):
 
 @pytest.mark.parametrize("every", [1, 2, 4])
 def test_how_often_a_command_was_given_is_told(tmp_path: Path, every: int) -> None:
-    (tmp_path / "plant.yaml").write_text(PLANT)
+    (tmp_path / "plant.yaml").write_text(SPINDLE)
     model = load_model(tmp_path / "plant.yaml")
     problem, fit = _fitted(model, _recorded(model, every, seed=every))
     periods, there, best = command_leads(problem, fit)
@@ -120,7 +111,7 @@ def test_how_often_a_command_was_given_is_told(tmp_path: Path, every: int) -> No
 
 
 def test_a_delay_is_no_lead(tmp_path: Path) -> None:
-    (tmp_path / "plant.yaml").write_text(PLANT)
+    (tmp_path / "plant.yaml").write_text(SPINDLE)
     model = load_model(tmp_path / "plant.yaml")
     problem, fit = _fitted(model, _recorded(model, 1, seed=7, delay=2e-3))
     assert np.mean(fit.residual**2) > 2.0

@@ -14,18 +14,9 @@ from eha_bench.core.errors import InputError
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.rounds import Round, Settled, _beside_the_plant, close
 from eha_bench.targets.resolve import open_target
+from spindle_plant import SPINDLE
 
-PLANT = """\
-plant: spindle
-nodes:
-  shaft: {kind: rotation, inertia: 9e-4 kg*m^2}
-elements:
-  motor: {kind: motor, on: shaft, torque_constant: 0.13 N*m/A, current_limit: 41 A}
-  drag:  {kind: friction, on: shaft, coulomb: 0.16 N*m, viscous: 0.005 N*m*s/rad}
-inputs:   {current_command: motor.current}
-channels: {motor_speed: shaft.speed}
-calibrate: [shaft.inertia, drag.viscous, drag.coulomb]
-"""
+PLANT = SPINDLE + "calibrate: [shaft.inertia, drag.viscous, drag.coulomb]\n"
 TRIALS = """\
 name: first
 defaults: {mode: current, sample_rate: 500 Hz, safety: {motor_speed: -300 rad/s .. 300 rad/s}}

@@ -37,7 +37,7 @@ from eha_bench.diagnosis.outcome.worst_range import worst_range
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.diagnosis.search.left_out_runs import explains_all_runs, search_in_all_runs
-from eha_bench.diagnosis.search.state import begin
+from eha_bench.diagnosis.search.state import accept_nothing, begin
 from eha_bench.diagnosis.unknown.locator import locate
 
 _NOTHING: Final = 5.0
@@ -233,8 +233,7 @@ class Conclusion:
         against = against_the_end(self.search, found)
         if against is None:
             return found
-        self.search.accepted, self.search.fit = [], self.search.base
-        self.search.excess_left = self.search.excess_base
+        accept_nothing(self.search)
         note = f"interrupted during the search; {against.note}"
         self.decision = self._open(note)
         return self._assemble(complete=False)
@@ -243,8 +242,7 @@ class Conclusion:
         note = "interrupted during the search: it names the causes found until then"
         if not all(self.search.thresholds.allow(item.comparison) for item in self.search.accepted):
             # one was still on trial, and the fit holds it
-            self.search.accepted, self.search.fit = [], self.search.base
-            self.search.excess_left = self.search.excess_base
+            accept_nothing(self.search)
             note = "interrupted during the search, before any cause had stood its test"
         verdict = Verdict.EFFECT if self.search.effects else Verdict.UNKNOWN
         if self.search.excess_base.significance < _NOTHING:

@@ -200,7 +200,7 @@ class _Planner:
                 f"margin ({self.permitted.words}): the recordings leave too much open"
                 f"{self._most_of_all()}"
             )
-        if not found.is_worth_it:
+        if not is_worth_bench_time(found.odds):
             return self._none_separates(found)
         proposal = self._proposal_of(search.confirmed(found))
         if proposal.odds is not None and not is_worth_bench_time(proposal.odds):

@@ -54,11 +54,6 @@ class Separation:
     surest: Experiment
     layout: DrawRows
 
-    @property
-    def is_worth_it(self) -> bool:
-        """Whether it names the right rival often enough for its bench time."""
-        return is_worth_bench_time(self.odds)
-
 
 def is_worth_bench_time(found: Odds) -> bool:
     """Whether an experiment names the right rival often enough, and a wrong one seldom enough."""

@@ -13,7 +13,6 @@ from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.colour import FEWEST
-from eha_bench.diagnosis.data.command_lead import led
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import admit, restful_channels
 from eha_bench.diagnosis.data.measured import Measured, notes_of_runs, pooled_noise
@@ -28,7 +27,7 @@ from eha_bench.diagnosis.data.windows import (
 )
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.chosen_windows import thinned_windows, thinning_notes
-from eha_bench.diagnosis.fit.command_leads import command_leads, lead_notes
+from eha_bench.diagnosis.fit.command_leads import command_leads, lead_notes, with_leads
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.friction_at_rest import at_rest, friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -216,7 +215,7 @@ def _calibrate(
     periods, rough, reached = command_leads(rough, arrival.fit)
     if periods:
         arrival = replace(arrival, fit=reached)
-        measured, windows = _led(measured, windows, periods)
+        measured, windows = with_leads(measured, windows, periods)
     seen = NOTHING_SEEN
     if not _rest_is_seen(measured):
         seen = noise_of_residual(rough, arrival.fit.vector)
@@ -262,16 +261,6 @@ def _calibrate(
         arrival.agreed,
         tuple(outliers),
     )
-
-
-def _led(
-    measured: Sequence[Measured], windows: Sequence[Window], periods: Mapping[str, float]
-) -> tuple[tuple[Measured, ...], list[Window]]:
-    """Return runs and windows whose commands lead what was logged of them."""
-    own = {item.run.name: led(item, periods) for item in measured}
-    return tuple(own.values()), [
-        replace(window, measured=own[window.measured.run.name]) for window in windows
-    ]
 
 
 def _with_what_tells(

@@ -8,6 +8,7 @@ do as well is not counted as the lead's (the slope is projected on what no param
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.note import Note
 from eha_bench.diagnosis.data.command_lead import MOST, led, period_of, share_of
 from eha_bench.diagnosis.data.measured import Measured
+from eha_bench.diagnosis.data.windows import Window
 from eha_bench.diagnosis.fit.least_squares import (
     Fit,
     calibrated_directions,
@@ -74,6 +76,16 @@ def command_leads(problem: Problem, fit: Fit) -> tuple[dict[str, float], Problem
         return found, problem, fit
     done = _with(problem, found, fit)
     return found, done, levenberg_marquardt(done, fit.vector, fit.free)
+
+
+def with_leads(
+    measured: Sequence[Measured], windows: Sequence[Window], periods: Mapping[str, float]
+) -> tuple[tuple[Measured, ...], list[Window]]:
+    """Return runs and windows whose commands lead what was logged of them."""
+    own = {item.run.name: led(item, periods) for item in measured}
+    return tuple(own.values()), [
+        replace(window, measured=own[window.measured.run.name]) for window in windows
+    ]
 
 
 def lead_notes(measured: Sequence[Measured]) -> tuple[Note, ...]:

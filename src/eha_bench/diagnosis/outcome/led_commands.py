@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from eha_bench.diagnosis.data.command_lead import led
 from eha_bench.diagnosis.fit.baseline import Baseline
-from eha_bench.diagnosis.fit.command_leads import command_leads, lead_notes
+from eha_bench.diagnosis.fit.command_leads import command_leads, lead_notes, with_leads
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.search.state import Search
 
@@ -28,9 +27,7 @@ def with_led_commands(base: Baseline, search: Search) -> Baseline | None:
     periods, _, _ = command_leads(search.problem, search.fit)
     if not periods:
         return None
-    measured = tuple(led(item, periods) for item in base.measured)
-    own = {item.run.name: item for item in measured}
-    windows = [replace(w, measured=own[w.measured.run.name]) for w in base.problem.windows]
+    measured, windows = with_leads(base.measured, base.problem.windows, periods)
     problem = base.problem.over(windows)
     problem.prepare(base.fit.vector)
     problem.scale_to(problem.residual(base.fit.vector))

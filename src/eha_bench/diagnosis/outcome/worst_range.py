@@ -64,10 +64,9 @@ def worst_range(tables: Sequence[ErrorByValue], floors: Mapping[str, float]) -> 
         ratios = [_ratios(table, floors) for table in own]
         if not own or not any(np.isfinite(row).any() for row in ratios):
             continue
-        # a bin that no channel says anything of is none
-        logs = np.array([np.log(row) for row in ratios])
-        with np.errstate(invalid="ignore"):
-            means = np.nanmean(np.where(np.isfinite(logs), logs, 0.0), axis=0)
+        # a channel that says nothing of a bin errs there as elsewhere
+        logs = np.log(np.array(ratios))
+        means = np.where(np.isfinite(logs), logs, 0.0).mean(axis=0)
         worst = int(means.argmax())
         if means[worst] < math.log(_WORSE) or (best is not None and means[worst] <= best[0]):
             continue

@@ -21,7 +21,7 @@ from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.forms import take_best_form
 from eha_bench.diagnosis.search.refit import Near, Nearby, is_bent, polish_to_the_bottom
 from eha_bench.diagnosis.search.settle import rebase, settle
-from eha_bench.diagnosis.search.state import Accepted, Search, starts_of
+from eha_bench.diagnosis.search.state import Accepted, Search, accept_nothing, starts_of
 
 _FIRSTS = 4
 _SECONDS = 3
@@ -49,8 +49,7 @@ def joint(search: Search) -> bool:
     which it had been caught.
     """
     limits, kept = search.thresholds, search.snapshot()
-    search.accepted, search.fit = [], search.base
-    search.excess_left = search.excess_base
+    accept_nothing(search)
     try:
         best = _best(search)
     finally:

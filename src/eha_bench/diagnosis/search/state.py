@@ -144,6 +144,12 @@ class Search:
         return [item for item in self.accepted if not item.start.is_parameter]
 
 
+def accept_nothing(search: Search) -> None:
+    """Go back to the calibrated model: nothing is added to it."""
+    search.accepted, search.fit = [], search.base
+    search.excess_left = search.excess_base
+
+
 def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
     """Return the starting points of everything that may be missing and that data permit.
 
