@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from eha_bench.diagnosis.data.dataset import Use
@@ -111,6 +111,8 @@ def test_bins_add_up_to_the_whole(centre: float, span: float, size: float, seed:
     parts = [item for row in rows for item in (row.below, *row.bins, row.above) if item]
     if not rows:
         return
+    # of a few samples no error is told
+    assume(all(np.isfinite(item.error) for item in parts))
     total = sum(item.seconds for item in parts)
     square = sum(item.error**2 * item.seconds for item in parts) / total
     assert total == pytest.approx(20.0, rel=1e-3)

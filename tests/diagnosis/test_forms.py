@@ -55,6 +55,27 @@ def test_the_form_that_fits_takes_what_is_left() -> None:
     assert item.comparison.share > 0.95
 
 
+@pytest.mark.parametrize(("ratio", "missing", "equivalent"), [
+    # beside what is missing the form hardly counts
+    (1.1, 3.0, ("current_lag",)),
+    (2.0, 3.0, ()),
+    # at the noise it does
+    (1.1, 0.0, ()),
+])  # fmt: skip
+def test_what_is_as_good_stays_where_the_form_hardly_counts(
+    ratio: float, missing: float, equivalent: tuple[str, ...]
+) -> None:
+    own = problem(**{RATIO: ratio})
+    own.readings += missing * shape(5.0)
+    search = search_of(own, "viscous_friction")
+    add(search, EFFECT)
+    search.accepted = [replace(search.accepted[-1], equivalent=("current_lag",))]
+    before = search.fit.cost
+    assert take_best_form(search, search.accepted[-1])
+    assert search.fit.cost < before - 30.0
+    assert search.accepted[-1].equivalent == equivalent
+
+
 def test_the_gain_of_a_form_is_that_over_the_calibrated_model() -> None:
     """Without the effect a calibrated parameter takes most of what it does."""
     slopes = {"viscous_friction": 0.1 * shape(0.0), FORCE: 20.0 * (shape(0.0) + 0.2 * shape(1.0))}

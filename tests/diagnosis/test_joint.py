@@ -60,7 +60,7 @@ def test_one_of_two_is_taken_that_the_other_only_led_to(
 ) -> None:
     def improvement(gain: float) -> Improvement:
         share = gain / 500.0
-        return Improvement(gain, gain, share, share, 1e-9 if gain > 10.0 else 0.5, 1.0, 0.9)
+        return Improvement(gain, gain, share, share, 1e-9, 1.0, 0.9)
 
     items = [Accepted(_start(name), NOT_COMPARED, ()) for name in ("entrained_air", "relief_valve")]
     search: Any = SimpleNamespace(
@@ -75,7 +75,7 @@ def test_one_of_two_is_taken_that_the_other_only_led_to(
     monkeypatch.setattr(module, "without", lambda *_: SimpleNamespace(cost=alone))
     monkeypatch.setattr(module, "excess", lambda *_: "left")
     monkeypatch.setattr(module, "compare", lambda base, fit, *_: improvement(base.cost - fit.cost))
-    found = [improvement(gain) for gain in gained]
+    found = [improvement(gain) if gain > 10.0 else None for gain in gained]
     assert module._is_one(search, found, 600.0) is (taken is not None)
     if taken is None:
         assert search.accepted is items
@@ -84,6 +84,26 @@ def test_one_of_two_is_taken_that_the_other_only_led_to(
         assert item.start.candidate == taken
         assert search.fit.cost == alone
         assert search.excess_left == "left"
+
+
+@pytest.mark.parametrize(("share", "relative", "enough"), [
+    (0.3, 0.5, True),
+    # a small part of what the other leaves is its form
+    (0.16, 0.3, False),
+    # where much is missing a cause shows as a smaller part
+    (0.22, 8.0, True),
+])  # fmt: skip
+def test_each_of_two_explains_enough_of_what_the_other_leaves(
+    monkeypatch: pytest.MonkeyPatch, share: float, relative: float, enough: bool
+) -> None:
+    search: Any = SimpleNamespace(thresholds=DEFAULT, problem=None, groups=None, fit=None)
+    left = SimpleNamespace(total=6000.0, relative=relative)
+    gained = Improvement(share * 6000, share * 6000, share, share, 1e-9, 1.0, 0.9)
+    monkeypatch.setattr(module, "without", lambda *_: None)
+    monkeypatch.setattr(module, "excess", lambda *_: left)
+    monkeypatch.setattr(module, "compare", lambda *_: gained)
+    item = Accepted(_start("load_dependent_friction"), NOT_COMPARED, ())
+    assert module._beside(search, item) is (gained if enough else None)
 
 
 def _start(name: str) -> Start:

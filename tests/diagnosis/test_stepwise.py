@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,3 +53,20 @@ def test_what_comes_in_bursts_is_not_single_outliers(errors: Any, unexplained: b
     assert rest.relative > 0.2
     assert rest.significance < DEFAULT.structure
     assert DEFAULT.is_unexplained(rest) is unexplained
+
+
+@pytest.mark.parametrize(("left", "asked"), [(10_000.0, False), (50_000.0, True)])
+def test_no_other_two_are_looked_for_where_one_leaves_only_its_form(
+    monkeypatch: pytest.MonkeyPatch, left: float, asked: bool
+) -> None:
+    search = search_of(LinearProblem({FRICTION: 0.2 * shape(0.0), STRENGTH: shape(1.0)}, {}))
+    add(search, EFFECT)
+    search.excess_base = replace(search.excess_base, total=1e6, significance=100.0)
+    search.excess_left = replace(search.excess_base, total=left)
+    seen: list[str] = []
+    for name in ("_grow", "release", "take_better_equivalents", "compare_over_whole_runs"):
+        monkeypatch.setattr(stepwise, name, lambda *_: None)
+    monkeypatch.setattr(stepwise, "exchange", lambda *_: False)
+    monkeypatch.setattr(stepwise, "joint", lambda *_: seen.append("joint"))
+    stepwise.run(search, lambda *_: None)
+    assert bool(seen) is asked

@@ -68,9 +68,25 @@ def test_joints_are_rigid_where_both_sides_weigh_something(
     found = {joint.name: joint for joint in rigid_joints(leg.system)}
     assert [*found] == ["belt", "joint"]
     # 10^2 * 1e-4 of the rotor; before the link are the rotor and the joint's own 0.01
-    assert found["belt"].inertia == pytest.approx(0.01)
-    assert found["joint"].inertia == pytest.approx(0.02)
+    declared = leg.layout.defaults()
+    assert found["belt"].inertia(declared) == pytest.approx(0.01)
+    assert found["joint"].inertia(declared) == pytest.approx(0.02)
     assert [joint.name for joint in rigid_joints(free.system)] == ["belt"]
+
+
+@pytest.mark.parametrize("inertia", [1e-4, 1e-7, 0.0])
+def test_a_lighter_side_asks_for_no_shorter_steps(free: NetworkPlant, inertia: float) -> None:
+    """A fit may take a rotor's inertia to nothing: it stood still there, for hours."""
+    rotor, declared = "rotor.inertia", 1e-4
+    vector = free.layout.defaults()
+    assert vector[free.layout.index[rotor]] == declared
+    vector[free.layout.index[rotor]] = inertia
+    loose = free._loosened("belt", beyond=False)
+    stiff = loose.at(vector, 1e-12, 1e-3, 0.0)._loose.vector[
+        loose.loose.layout.index["belt~coupling.stiffness"]
+    ]
+    # by hand: n^2 J_m w^2, at most 1000 rad/s
+    assert stiff == pytest.approx(max(100.0 * inertia, 1e-30 * 0.01) * 1e6, abs=0.0)
 
 
 @pytest.mark.slow  # compiles kernels

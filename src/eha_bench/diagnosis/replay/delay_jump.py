@@ -35,6 +35,8 @@ _LEAST_TIME: Final = 0.01
 _SHORTEST: Final = 1.0
 _PART: Final = 0.05
 """Least time before the jump, and after it: s, and as a part of the run."""
+_HEAD: Final = 2
+"""Multiple of that before the jump: what lies next to it must not be a run's start from rest."""
 _TAIL_PARTS: Final = 4
 """Equal parts of what follows the jump, each of which has to show it: one event is no delay."""
 _SLOW: Final = 1.0
@@ -92,10 +94,14 @@ class _Squares:
     total: FloatArray
 
     def best_split(self, least: int) -> _Split:
-        """Return where one shift before and another after cost least; each part has samples."""
+        """Return where one shift before and another after cost least.
+
+        Args:
+            least: samples after it, and half of those before.
+        """
         before = np.cumsum(self.total, axis=1)
         after = before[:, -1:] - before
-        last = np.arange(least - 1, self.total.shape[1] - least)
+        last = np.arange(_HEAD * least - 1, self.total.shape[1] - least)
         costs = before[:, last].min(axis=0) + after[:, last].min(axis=0)
         place = int(last[int(costs.argmin())])
         return _Split(place + 1, int(before[:, place].argmin()), int(after[:, place].argmin()))
@@ -204,7 +210,7 @@ def _compared(item: Replay, simulated: Columns, floors: Mapping[str, float]) -> 
     tick = item.tick
     longest = round(_LONGEST / tick)
     least = max(round(_SHORTEST / tick), round(_PART * item.time.size))
-    if longest < _LEAST or item.time.size - 2 * longest < 2 * least:
+    if longest < _LEAST or item.time.size - 2 * longest < (_HEAD + 1) * least:
         return None
     pairs = {
         name: (_quick(item.measured[name], tick), _quick(simulated[name], tick)) for name in names

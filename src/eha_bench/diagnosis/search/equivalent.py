@@ -35,7 +35,8 @@ def is_as_good(search: Search, other: Fit, chosen: Fit, gain: float) -> bool:
     A likelihood ratio of two models holds where one of them is right; where declared forms are off
     by less than the noise, neither is, and one that is no better on runs left out is not better.
     Far above the noise, as of measured machines, something else is missing in both: there they are
-    as good where they explain the same to a few per cent (`behind_share`), however sure that is.
+    as good where they explain the same to a few per cent (`behind_share`), however sure that is, or
+    where runs left out do not prefer the chosen one.
 
     Args:
         search: its rows are resampled and left out. other: with another candidate.
@@ -45,9 +46,10 @@ def is_as_good(search: Search, other: Fit, chosen: Fit, gain: float) -> bool:
     behind = compare(other, chosen, search.groups, 1.0)
     if behind.gain < limits.behind:
         return True
+    far = is_far_above_noise(chosen)
     if behind.gain >= limits.behind_share * gain:
-        return False
-    if is_far_above_noise(chosen):
+        return far and behind.gain_out <= 0.0
+    if far:
         return True
     # down at the noise the likelihood ratio holds; above it only resampling does
     at_noise = chosen.cost < _AT_NOISE * SOFT_MEAN * chosen.residual.size

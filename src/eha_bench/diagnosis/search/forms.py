@@ -17,6 +17,7 @@ from eha_bench.diagnosis.fit.evidence import excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.search.equivalent import is_far_above_noise
 from eha_bench.diagnosis.search.exchange import compared, fit_with_item_off
 from eha_bench.diagnosis.search.refit import free_of, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Search
@@ -94,9 +95,12 @@ def take_best_form(search: Search, item: Accepted) -> bool:
     if fit.cost > search.fit.cost - search.thresholds.least_gain(search.excess_left):
         return False
     found = compared(search, item, fit)
+    # what had fitted as well as the other form does not fit as well as this one, unless something
+    # else is missing beside which the form hardly counts
+    hardly = search.fit.cost - fit.cost < search.thresholds.behind_share * found.gain
+    equals = item.equivalent if hardly and is_far_above_noise(fit) else ()
     search.fit = fit
-    # what had fitted as well as the other form does not fit as well as this one
-    others.insert(place, replace(item, start=start, comparison=found, equivalent=()))
+    others.insert(place, replace(item, start=start, comparison=found, equivalent=equals))
     search.accepted = others
     search.excess_left = excess(search.problem, fit)
     return True

@@ -69,10 +69,11 @@ def joint(search: Search) -> bool:
     if not (enough and more):
         search.restore(kept)
         return False
-    if all(map(limits.allow, found)):
+    if all(gained is not None for gained in found):
         search.accepted = [
-            replace(item, comparison=comparison)
-            for item, comparison in zip(search.accepted, found, strict=True)
+            replace(item, comparison=gained)
+            for item, gained in zip(search.accepted, found, strict=True)
+            if gained is not None
         ]
     elif kept.effects or not _is_one(search, found, kept.fit.cost):
         search.restore(kept)
@@ -82,14 +83,15 @@ def joint(search: Search) -> bool:
     return True
 
 
-def _is_one(search: Search, found: Sequence[Improvement], before: float) -> bool:
+def _is_one(search: Search, found: Sequence[Improvement | None], before: float) -> bool:
     """Take the one of two that the other only led to; return whether it explains enough alone.
 
     Args:
-        search: with both. found: what each gains over the other. before: cost of what was found.
+        search: with both. found: what each gains over the other, None where that is not enough.
+        before: cost of what was found.
     """
     limits, items = search.thresholds, search.accepted
-    needed = [item for item, gained in zip(items, found, strict=True) if limits.allow(gained)]
+    needed = [item for item, gained in zip(items, found, strict=True) if gained is not None]
     if len(needed) != 1:
         return False
     (item,) = needed
@@ -111,11 +113,16 @@ def _may_win(search: Search, pair: Nearby) -> bool:
     return search.base.cost - pair.fit.cost > _MAY_WIN * found
 
 
-def _beside(search: Search, item: Accepted) -> Improvement:
-    """Return what one of two gains over the other, refitted alone."""
-    alone = without(search, item)
-    left = excess(search.problem, alone).total
-    return compare(alone, search.fit, search.groups, left)
+def _beside(search: Search, item: Accepted) -> Improvement | None:
+    """Return what one of two gains over the other, refitted alone; None where that is not enough.
+
+    As one effect after the other: a small part of what the other leaves is more likely its form.
+    """
+    limits, alone = search.thresholds, without(search, item)
+    left = excess(search.problem, alone)
+    gained = compare(alone, search.fit, search.groups, left.total)
+    enough = min(gained.share, gained.share_out) > limits.least_share(left)
+    return gained if enough and limits.allow(gained) else None
 
 
 def _best(search: Search) -> Nearby | None:

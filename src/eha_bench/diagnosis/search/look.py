@@ -90,7 +90,8 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)
-    finals = with_hidden_starts(search, finals)
+    if not search.is_all_but_a_form:
+        finals = with_hidden_starts(search, finals)
     finals = [_with_comparison(search, item) for item in _fit_rivals_further(search, finals)]
     finals.sort(key=lambda item: item.fit.cost)
     if first:

@@ -19,6 +19,9 @@ from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.thresholds import DEFAULT, Thresholds
 
+_ALL_BUT_A_FORM = 0.02
+"""Share of what was missing up to which what effects leave of it is taken for their form."""
+
 
 @dataclass(frozen=True)
 class Refit:
@@ -137,6 +140,15 @@ class Search:
     def is_unexplained(self) -> bool:
         """Whether what is left holds more than noise and what a nearly right model leaves."""
         return self.thresholds.is_unexplained(self.excess_left)
+
+    @property
+    def is_all_but_a_form(self) -> bool:
+        """Whether effects leave so little of what was missing that it is more likely their form.
+
+        No other two are looked for then, nor what hides in a window's start: either takes as long
+        as all before.
+        """
+        return len(self.effects) > 0 and self.share_left < _ALL_BUT_A_FORM
 
     @property
     def effects(self) -> list[Accepted]:

@@ -35,7 +35,7 @@ def run(search: Search, progress: ProgressHook) -> None:
         if exchange(search):
             review(search)
             _grow(search, progress)
-    if search.is_unexplained:
+    if search.is_unexplained and not search.is_all_but_a_form:
         progress("search", 0.9)
         kept = search.snapshot()
         if joint(search):

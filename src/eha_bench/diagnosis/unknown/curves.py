@@ -48,6 +48,9 @@ class Curves:
     def __init__(self, short: Problem, period: float, fit: Fit) -> None:
         self.short, self.period, self.fit = short, period, fit
         self.groups = groups_of(short)
+        runs = len({window.measured.run.name for window in short.windows})
+        # within a run, what repeats in the command repeats in time
+        self.whole_runs = groups_of(short, most=runs) if runs > 1 else self.groups
         self.before = self._fit_with_columns(np.zeros((fit.residual.size, 0)))[0]
         self.excess = max(self.before.cost - SOFT_MEAN * short.size, 1.0)
         self.values = self._values()
@@ -101,7 +104,7 @@ class Curves:
             place, variable: where, of what. influence: of one unit of `size` in SI there.
         """
         template = Template(place.equation, place.form, place.at, variable)
-        share, amplitudes = self._share(self.columns(influence, variable))
+        share, amplitudes = self._share(self.columns(influence, variable), variable)
         located = LocatedCurve(template, share, self.knots(variable), amplitudes * size)
         return self._periodic(located, influence, size) if variable == "time" else located
 
@@ -128,7 +131,7 @@ class Curves:
             # what the parameters can do as well counts in the end
             costs = [self._fit_with_columns(_waves(change, time, f, 2))[0].cost for f in near]
             found = float(near[int(np.argmin(costs))])
-            share, amplitudes = self._share(_waves(change, time, found, 2))
+            share, amplitudes = self._share(_waves(change, time, found, 2), "time")
             if share > best.share + _MORE:
                 period = 1.0 / found
                 knots = np.linspace(0.0, period, CURVE_KNOTS, endpoint=False)
@@ -146,10 +149,15 @@ class Curves:
         square = [float(column[piece.rows] @ column[piece.rows]) for piece in self.short.pieces]
         return centre, np.array(product), np.array(square)
 
-    def _share(self, columns: FloatArray) -> tuple[float, FloatArray]:
-        """Return the share of the excess that columns explain on runs left out, and amplitudes."""
+    def _share(self, columns: FloatArray, variable: str) -> tuple[float, FloatArray]:
+        """Return the share of the excess that columns explain on runs left out, and amplitudes.
+
+        Args:
+            columns: (N, k) of a curve. variable: what it depends on.
+        """
         after, amplitudes = self._fit_with_columns(columns)
-        found = compare(self.before, after, self.groups, self.excess)
+        groups = self.whole_runs if variable == "time" else self.groups
+        found = compare(self.before, after, groups, self.excess)
         return found.share_out, amplitudes
 
     def _fit_with_columns(self, columns: FloatArray) -> tuple[Fit, FloatArray]:

@@ -39,8 +39,9 @@ from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.parameter import Parameter, choice
 
 _POSITION, _JOINT, _LOAD = 0.0, 1.0, 2.0
-# step of the integration, in radians of the rod's vibration on the contact
-_RESOLVED = 0.2
+# step of the integration, in radians of the rod's vibration on the contact, and at most so many
+# instead of one
+_RESOLVED, _MOST_STEPS = 0.2, 100
 
 
 class Joint(NamedTuple):
@@ -256,7 +257,7 @@ def resolve(h: float, locked: bool, side: float, joint_stiffness: float, rod_mas
     """Return the longest step, s, over which the rod on the contact is followed."""
     if side != _LOAD or locked:
         return h
-    return min(h, _RESOLVED * math.sqrt(rod_mass / joint_stiffness))
+    return max(min(h, _RESOLVED * math.sqrt(rod_mass / joint_stiffness)), h / _MOST_STEPS)
 
 
 def _before_a_load(balance: Equation) -> Action:

@@ -28,6 +28,9 @@ FINE = 25e-6
 RESOLVED = 0.2
 """Step across which what swings on a spring is followed, in radians of its swing."""
 
+MOST_STEPS = 100
+"""Most steps instead of one, across which a swing is followed."""
+
 _BALANCED = 0.999
 """Share of the friction up to which a speed balances what acts; above it, none is near."""
 _LANDS = 2.0 / GAMMA

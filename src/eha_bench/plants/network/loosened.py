@@ -38,6 +38,8 @@ _FASTEST, _TEETH = 1e3, 500.0
 """How fast the lighter side may swing on the coupling, rad/s, and how fast it swings on one whose
 stiffness nobody says: stiffer, hardly a sensor tells it from a rigid one, and it asks for shorter
 steps."""
+_LIGHTEST = 1e-30
+"""Share of the declared inertia of the lighter side that stands for none."""
 _STIFFNESS, _DAMPING, _PLAY = "stiffness", "damping", "play"
 
 
@@ -62,7 +64,7 @@ class LoosenedPlant:
         beyond: bool,
     ) -> None:
         self.plant, self.loose, self.joint = plant, loose, joint
-        self._effort = effort
+        self._effort, self._declared = effort, joint.inertia(plant.layout.defaults())
         self.read, self.hidden = read, motions_of(joint.node if beyond else joint.end)
         self.ahead = 1.0 if beyond else -1.0
         self.bend, self.rate = f"{joint.name}~bend", f"{joint.name}~rate"
@@ -89,14 +91,16 @@ class LoosenedPlant:
         own[self._to] = vector[self._from]
         for moved in self._moved:
             moved.set(vector, own)
-        stiffness = self.joint.inertia * (_FASTEST if compliance > 0.0 else _TEETH) ** 2
+        # of the sides as they are: a lighter one than was declared would ask for shorter steps
+        lighter = max(self.joint.inertia(vector), _LIGHTEST * self._declared)
+        stiffness = lighter * (_FASTEST if compliance > 0.0 else _TEETH) ** 2
         if compliance * stiffness > 1.0:
             stiffness = 1.0 / compliance
         for name, value in zip(
             (_STIFFNESS, _DAMPING, _PLAY), (stiffness, damping_time * stiffness, play), strict=True
         ):
             own[self._coupling[name]] = value
-        bend, swing = self._effort / stiffness, math.sqrt(stiffness / self.joint.inertia)
+        bend, swing = self._effort / stiffness, math.sqrt(stiffness / lighter)
         away = _AWAY * bend + 0.5 * play
         hidden = {self.bend: away, self.rate: away * min(swing, _SLOW)}
         return _Loosened(self, vector, self.loose.at(own), play, _TRIED * bend, hidden)

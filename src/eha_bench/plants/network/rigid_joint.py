@@ -8,15 +8,36 @@ that it carries. Where either side weighs nothing there is nothing that could sw
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.network.element import Inertia
 from eha_bench.plants.network.network import QUANTITIES, Element, Network, Node, element_kinds
-from eha_bench.plants.network.system import BoundElement, Coordinate, System
+from eha_bench.plants.network.system import BoundElement, System
 
 _COUPLING, _END = "~coupling", "~end"
 """Behind the name of a joint: what no file can call anything."""
+
+
+@dataclass(frozen=True)
+class Weight:
+    """What a node, or an element on it, adds to the inertia of a coordinate.
+
+    Attributes:
+        factor: of the ratio to the coordinate, squared. law: parameters -> inertia, at the node.
+        places: of these in the plant's vector.
+    """
+
+    factor: float
+    law: Callable[..., float]
+    places: tuple[int, ...]
+
+    def at(self, values: FloatArray) -> float:
+        """Return it for a plant's vector of parameters."""
+        return self.factor * self.law(*(float(values[place]) for place in self.places))
 
 
 @dataclass(frozen=True)
@@ -27,13 +48,17 @@ class RigidJoint:
         name: of the gear, or of the node that carries masses.
         node: the coordinate on this side of it, whose sensors stay there.
         moved: element and port that are on the other side.
-        inertia: the smaller of both sides, as declared, at the coordinate.
+        sides: what either side weighs, at the coordinate.
     """
 
     name: str
     node: str
     moved: tuple[tuple[str, str], ...]
-    inertia: float
+    sides: tuple[tuple[Weight, ...], tuple[Weight, ...]]
+
+    def inertia(self, values: FloatArray) -> float:
+        """Return the smaller inertia of both sides for a plant's vector of parameters."""
+        return min(sum(weight.at(values) for weight in side) for side in self.sides)
 
     @property
     def end(self) -> str:
@@ -47,31 +72,26 @@ class RigidJoint:
 
 
 def rigid_joints(system: System) -> Iterator[RigidJoint]:
-    """Yield the joints that a network takes for rigid, with masses on both sides."""
+    """Yield the joints that a network takes for rigid, with masses on both sides as declared."""
+    declared = np.array([item.default for item in system.parameters])
+    yield from (joint for joint in _joints(system) if joint.inertia(declared) > 0.0)
+
+
+def _joints(system: System) -> Iterator[RigidJoint]:
+    """Yield all joints that something is beyond, whatever it weighs."""
     for item in system.coordinates:
         for part in system.parts.values():
             if part.element.kind.id == "gear" and part.element.ports["to"] == item.name:
                 beyond = _turned_by(system, part)
                 here = [node for node in system.nodes_on(item) if node not in beyond]
-                yield from _joint(
-                    part.element.name,
-                    item,
-                    ((part.element.name, "to"),),
-                    sum(_own(system, n) + _carried(system, n) for n in here),
-                    sum(_own(system, n) + _carried(system, n) for n in beyond),
-                )
+                name = part.element.name
+                sides = _weights_of(system, here), _weights_of(system, beyond)
+                yield RigidJoint(name, item.name, ((name, "to"),), sides)
         carried = tuple((part.name, term.port) for part, term in _weights(system, item.name))
-        this = sum(_own(system, n) for n in system.nodes_on(item)) + sum(
-            _carried(system, n) for n in system.nodes_on(item) if n != item.name
-        )
-        yield from _joint(item.name, item, carried, this, _carried(system, item.name))
-
-
-def _joint(
-    name: str, item: Coordinate, moved: tuple[tuple[str, str], ...], this: float, other: float
-) -> Iterator[RigidJoint]:
-    if moved and min(this, other) > 0.0:
-        yield RigidJoint(name, item.name, moved, min(this, other))
+        if carried:
+            behind = [node for node in system.nodes_on(item) if node != item.name]
+            this = *_own(system, item.name), *_weights_of(system, behind)
+            yield RigidJoint(item.name, item.name, carried, (this, (*_carried(system, item.name),)))
 
 
 def _turned_by(system: System, gear: BoundElement) -> list[str]:
@@ -88,21 +108,30 @@ def _weights(system: System, node: str) -> Iterator[tuple[BoundElement, Inertia]
                 yield part, term
 
 
-def _own(system: System, node: str) -> float:
-    """Return what a node itself weighs at its coordinate, as declared."""
-    values = (system.declared(node, key) or 0.0 for key in ("inertia", "mass"))
-    return system.declared_ratio(node) ** 2 * sum(values)
+def _weights_of(system: System, nodes: Sequence[str]) -> tuple[Weight, ...]:
+    """Return what nodes weigh with what they carry."""
+    return tuple(
+        weight for node in nodes for weight in (*_own(system, node), *_carried(system, node))
+    )
 
 
-def _carried(system: System, node: str) -> float:
-    """Return what elements on a node add at its coordinate, as declared."""
-    total = 0.0
+def _own(system: System, node: str) -> Iterator[Weight]:
+    """Yield what a node itself weighs at its coordinate."""
+    factor = system.declared_ratio(node) ** 2
+    for key in ("inertia", "mass"):
+        if (slot := system.slot_of.get(f"{node}.{key}")) is not None:
+            yield Weight(factor, float, (system.index[slot],))
+
+
+def _carried(system: System, node: str) -> Iterator[Weight]:
+    """Yield what elements on a node add at its coordinate, by their own parameters."""
+    factor = system.declared_ratio(node) ** 2
     for part, term in _weights(system, node):
         names = inspect.signature(term.law).parameters
-        values = [system.declared(part.name, name) for name in names]
-        if None not in values:
-            total += term.law(*values)
-    return system.declared_ratio(node) ** 2 * total
+        slots = [system.slot_of.get(f"{part.name}.{name}") for name in names]
+        own = tuple(system.index[slot] for slot in slots if slot is not None)
+        if len(own) == len(slots):
+            yield Weight(factor, term.law, own)
 
 
 def loosened(

@@ -34,7 +34,7 @@ import numpy as np
 
 from eha_bench.plants.compiled import njit as inner
 from eha_bench.plants.network.integration import (
-    FINE, GAMMA, MAX_SPLITS, RESOLVED, breaks_away, creep, limited, switches,
+    FINE, GAMMA, MAX_SPLITS, MOST_STEPS, RESOLVED, breaks_away, creep, limited, switches,
 )
 from eha_bench.plants.pointer import behind, pointer
 
@@ -188,7 +188,8 @@ class Writer:
         """Write the longest step that resolves what swings on springs, of all coordinates.
 
         The fastest swing is at most sqrt(2 k / m) of the stiffest coordinate (Gershgorin: a spring
-        between two masses is felt by both).
+        between two masses is felt by both). What swings faster still, on a mass that a fit makes
+        next to nothing, is not followed: the integration damps it.
         """
         body = []
         for item in self.system.coordinates:
@@ -201,7 +202,8 @@ class Writer:
                     "    h = min(h, RESOLVED * math.sqrt(0.5 * mass / stiffness))",
                 ]
         if body:
-            self.function("resolved", f"h, {self.arguments}", [*body, "return h"])
+            body = ["shortest = h / MOST_STEPS", *body, "return max(h, shortest)"]
+            self.function("resolved", f"h, {self.arguments}", body)
 
     def _sticks(self, item: Coordinate, level: str) -> str:
         return self.hooks.apply(f"sticks:{item.name}", level, ())
