@@ -198,21 +198,22 @@ def test_a_refit_that_gains_less_than_was_predicted_goes_on(
 
 
 @pytest.mark.parametrize(
-    ("behind", "gain_out", "left", "equal"),
+    ("behind", "gain_out", "left", "p_value", "equal"),
     [
-        (11.0, 9.0, 1.0, True),
+        (11.0, 9.0, 1.0, 0.4, True),
         # at the noise a fall of 12 decides, unless runs left out do not bear it out
-        (20.0, 9.0, 1.0, False),
-        (20.0, -1.0, 1.0, True),
+        (20.0, 9.0, 1.0, 0.4, False),
+        (20.0, -1.0, 1.0, 0.4, True),
         # what the chosen one gained a twentieth of is another cause, whatever carries over
-        (60.0, -1.0, 1.0, False),
-        # above the noise only resampling decides, here a probability of 0.4
-        (20.0, 9.0, 1.3, True),
-        # far above it nothing sure within a twentieth decides, and more than that still does
-        (49.0, 40.0, 2.5, True),
-        (51.0, 40.0, 2.5, False),
-        # unless runs left out do not bear it out: no form is right there
-        (60.0, -1.0, 2.5, True),
+        (60.0, -1.0, 1.0, 0.4, False),
+        # above the noise only resampling decides
+        (20.0, 9.0, 1.3, 0.4, True),
+        (20.0, 9.0, 1.3, 0.01, False),
+        # far above it nothing sure within a twentieth decides, and more than that still does,
+        # unless chance may have made it: no form is right there
+        (49.0, 40.0, 2.5, 1e-9, True),
+        (51.0, 40.0, 2.5, 1e-9, False),
+        (60.0, 50.0, 2.5, 0.01, True),
     ],
 )
 def test_another_is_as_good_where_the_data_do_not_prefer_the_chosen_one(
@@ -221,14 +222,13 @@ def test_another_is_as_good_where_the_data_do_not_prefer_the_chosen_one(
     behind: float,
     gain_out: float,
     left: float,
+    p_value: float,
     equal: bool,
 ) -> None:
     monkeypatch.setattr(
         equivalent,
         "compare",
-        lambda *_: replace(
-            GAINED, gain=behind, gain_out=gain_out, p_value=1e-9 if left > 2.0 else 0.4
-        ),
+        lambda *_: replace(GAINED, gain=behind, gain_out=gain_out, p_value=p_value),
     )
     noise = SOFT_MEAN * search.fit.residual.size
     chosen = replace(search.fit, cost=left * noise)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +10,10 @@ from typing import Any
 import pytest
 from fixtures.rig.case import Conditions, Plan, record_case
 from fixtures.rig.plans import by_id
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from known_search import LinearProblem, search_of, shape
 
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.baseline import calibrated_baseline
@@ -104,6 +109,27 @@ def test_each_of_two_explains_enough_of_what_the_other_leaves(
     monkeypatch.setattr(module, "compare", lambda *_: gained)
     item = Accepted(_start("load_dependent_friction"), NOT_COMPARED, ())
     assert module._beside(search, item) is (gained if enough else None)
+
+
+def test_an_interrupt_leaves_what_was_found_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forms of a pair that has not stood its tests are tried: a stop there is no finding."""
+    search = search_of(LinearProblem({"viscous_friction": 0.2 * shape(0.0)}, {}))
+    starts = (_start("entrained_air"), _start("relief_valve"))
+    pair = SimpleNamespace(fit="of a pair", starts=starts)
+
+    def stop(*_: Any) -> None:
+        assert len(search.accepted) == 2
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "_best", lambda *_: pair)
+    monkeypatch.setattr(module, "_may_win", lambda *_: True)
+    monkeypatch.setattr(module, "excess", lambda *_: search.excess_left)
+    monkeypatch.setattr(module, "take_best_form", stop)
+    before = search.fit
+    with pytest.raises(KeyboardInterrupt):
+        joint(search)
+    assert search.accepted == []
+    assert search.fit is before
 
 
 def _start(name: str) -> Start:

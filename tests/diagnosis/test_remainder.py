@@ -11,6 +11,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, calibrated_baseline, no_progress
 from eha_bench.diagnosis.outcome.remainder import Remainder, remainder
+from eha_bench.diagnosis.outcome.whereabouts import element_of
 from eha_bench.diagnosis.search.state import begin
 from eha_bench.recordings import write
 
@@ -84,6 +85,14 @@ def test_an_effect_of_the_same_place_may_have_another_law(
     )
     assert left.note.endswith(said)
     assert left.to_dict()["variables"] == ["pressure_a"]
+
+
+@pytest.mark.parametrize(
+    ("place", "element"),
+    [("valve.drive", "valve"), ("pressure_a.sensor", "pressure_a"), ("rod", "rod"), ("", "")],
+)
+def test_a_sensor_and_a_drive_are_at_their_channel_and_element(place: str, element: str) -> None:
+    assert element_of(place) == element
 
 
 def test_what_no_curve_explains_follows_nothing() -> None:

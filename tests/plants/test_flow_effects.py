@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eha_bench.plants.effects import entrained_air, relief_valve, turbulent_leakage
+from eha_bench.plants.effects import (
+    entrained_air,
+    external_leakage,
+    relief_valve,
+    turbulent_leakage,
+)
 
 BETA, VOLUME = 9e8, 1.2535e-5
 
@@ -50,6 +55,28 @@ def test_external_leakage_drains_each_chamber_at_its_rate(bare_knee, effect) -> 
         ):
             expected = start * np.exp(-rate * time) if drains else np.full(time.size, start)
             np.testing.assert_allclose(out[name], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("exponent", [0.6, 1.5])
+def test_a_gap_that_is_no_straight_line_drains_by_its_power(bare_knee, effect, exponent) -> None:
+    time = np.arange(0.0, 0.05, 1e-3)
+    drain = effect("external_leakage", leakage_coefficient=1e-13, law="power", exponent=exponent)
+    out = _resting(bare_knee, time, [drain], 12e6, 4e6)
+    # by hand: dp/dt = -r p (p/p_s)^(n-1), so p^(1-n) = p_0^(1-n) - (1-n) r t p_s^(1-n)
+    rate, rest = 1e-13 * BETA / VOLUME, 1.0 - exponent
+    for name, start in (("pressure_a", 12e6), ("pressure_b", 4e6)):
+        expected = (start**rest - rest * rate * time * 10e6**rest) ** (1.0 / rest)
+        np.testing.assert_allclose(out[name], expected, rtol=1e-4)
+
+
+def test_at_ten_megapascals_every_law_drains_as_much() -> None:
+    laminar, power = (external_leakage.Leak(1e-13, 0.0, 0.0, law, 1.7) for law in (0.0, 1.0))
+    flows = [external_leakage.leak(0.0, 10e6, 0.0, own) for own in (laminar, power)]
+    assert flows == pytest.approx([-1e-6, -1e-6], rel=1e-4)
+    h = 10.0
+    for pressure in (1e3, 2e5, 5e6, 20e6):
+        down, up = (external_leakage.leak(0.0, pressure + d, 0.0, power) for d in (-h, h))
+        assert (down - up) / (2.0 * h) <= 1.001 * external_leakage.slope(0.0, pressure, 0.0, power)
 
 
 def test_check_valve_keeps_the_low_side_near_its_charge(bare_knee, effect) -> None:

@@ -187,6 +187,7 @@ def test_what_is_believed_and_what_differs_from_run_to_run(tmp_path) -> None:
         ("calibrate: [{parameter: leekage}]", r":5.*calibrate\.0.*did you mean 'leakage'"),
         ("calibrate: [{parameter: leakage, within: 1 m}]", r":5.*calibrate\.0.*wrong dimension"),
         ("calibrate: [{parameter: leakage, within: 0 %}]", r":5.*leaves no room"),
+        ("calibrate: [{parameter: leakage, within: 1.0e-20}]", r":5.*is only .* % of"),
         ("calibrate: [{parameter: external_force, within: 10 %}]", r":5.*"),
         ("calibrate: [entrained_air.air_fraction]", r":5.*declare entrained_air under effects"),
         ("calibrate: [pressure_sensor_offset.at]", r":5.*choice of words"),

@@ -27,6 +27,8 @@ from eha_bench.plants.registry import get_plant
 if TYPE_CHECKING:
     from eha_bench.plants.model_file import ModelFile
 
+_LEAST_WITHIN = 1e-4
+"""Share of a value that it may be off by at least: less is a unit or a percent sign forgotten."""
 _ONE_LINE = 10_000
 """Width of a text in which an element of a plant, or a curve, takes one line however long."""
 
@@ -392,6 +394,12 @@ def _tolerance(parameter: Parameter, value: float, raw: float | str, where: Plac
             f"within: {raw} of {value:g} leaves no room",
             where=where,
             hint=f"give an amount in {parameter.unit or 'its unit'} that is more than nothing",
+        )
+    if amount < _LEAST_WITHIN * abs(value):
+        raise InputError(
+            f"within: {raw} is only {100.0 * amount / abs(value):.2g} % of {value:g}",
+            where=where,
+            hint="give it with its unit or in percent, or leave the parameter out of `calibrate`",
         )
     return amount
 

@@ -12,6 +12,7 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.data.beyond_ends import beyond_ends
 from eha_bench.diagnosis.data.colour import FEWEST
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import admit, restful_channels
@@ -137,6 +138,8 @@ def gather(
     windows = [window for item in measured for window in cut_windows(item, noise)]
     windows = thinned_windows(windows)
     notes = [f"a training run is left out: {error}" for error in unread]
+    ends = plant.position_range(dataset.model.vector())
+    notes += beyond_ends(measured, ends, plant.units)
     notes += [
         f"'{name}' is not compared: no input drives it"
         for name in plant.outputs

@@ -7,6 +7,7 @@ it also estimated, and keeps what was declared where the data leave it open.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from eha_bench.diagnosis.fit.baseline import Baseline
@@ -58,9 +59,11 @@ def with_friction_at_rest(base: Baseline, groups: Groups, units: dict[str, str])
         end = converged_fit(base.problem, _refit_as_declared(base, end.fit, tuple(kept)))
     for key, item in kept.items():
         value = f"{float(declared[layout.index[key]]):.3g} {units[key]}"
+        told = math.isfinite(item.low) and math.isfinite(item.high)
+        between = f" ({item.low:.3g} to {item.high:.3g} {units[key]})" if told else ""
         notes.append(
-            f"friction at rest: these data do not determine {key} ({item.low:.3g} to "
-            f"{item.high:.3g} {units[key]}), so it keeps its declared value, {value}"
+            f"friction at rest: these data do not determine {key}{between}, so it keeps its "
+            f"declared value, {value}"
         )
     changed = tuple(
         key

@@ -15,12 +15,9 @@ from typing import Any
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
-from eha_bench.diagnosis.outcome.whereabouts import acts_in, channel_of
+from eha_bench.diagnosis.outcome.whereabouts import acts_in, element_of
 from eha_bench.diagnosis.search.state import Search
 from eha_bench.diagnosis.unknown.locator import locate
-
-_MOST = 0.5
-"""Part of what remains that a curve explains from which an effect at its place has another law."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +30,8 @@ class Remainder:
         variable: what that curve follows, "" where none explains any of it.
         explained: part of what remains that the curve explains over windows of 0.1 s left out.
         near: other balances that these data hardly tell it from.
-        found_there: effects at the same place, where the curve explains most of what remains:
-            their law may be another one, and then their sizes have no intervals.
+        found_there: effects at the same place: their law may be another one, and then their
+            sizes have no intervals.
     """
 
     share: float
@@ -94,9 +91,7 @@ def remainder(
     if best is None or best.share <= search.thresholds.follows:
         return Remainder(share, equation, near=near)
     at = best.template.place
-    here = equation, channel_of(at)
-    explained = min(best.share, 1.0)
-    alike = [name for name, balance, where in places if (balance, where) == here]
-    there = tuple(alike) if explained > _MOST else ()
+    here = equation, element_of(at)
+    there = tuple(name for name, balance, where in places if (balance, where) == here)
     variable = best.template.variable
-    return Remainder(share, equation, at, variable, explained, near, there)
+    return Remainder(share, equation, at, variable, min(best.share, 1.0), near, there)

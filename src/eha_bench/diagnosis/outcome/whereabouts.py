@@ -10,6 +10,11 @@ def channel_of(place: str) -> str:
     return place.removesuffix(".sensor")
 
 
+def element_of(place: str) -> str:
+    """Return the channel where a place is its sensor, the element where it is its drive."""
+    return channel_of(place).removesuffix(".drive")
+
+
 def acts_in(equation: str, place: str) -> str:
     """Return "acts in the ..." of a balance, and of where a curve of it does best.
 

@@ -36,7 +36,7 @@ def is_as_good(search: Search, other: Fit, chosen: Fit, gain: float) -> bool:
     by less than the noise, neither is, and one that is no better on runs left out is not better.
     Far above the noise, as of measured machines, something else is missing in both: there they are
     as good where they explain the same to a few per cent (`behind_share`), however sure that is, or
-    where runs left out do not prefer the chosen one.
+    where chance may have made the difference on runs left out.
 
     Args:
         search: its rows are resampled and left out. other: with another candidate.
@@ -48,7 +48,7 @@ def is_as_good(search: Search, other: Fit, chosen: Fit, gain: float) -> bool:
         return True
     far = is_far_above_noise(chosen)
     if behind.gain >= limits.behind_share * gain:
-        return far and behind.gain_out <= 0.0
+        return far and behind.p_value > limits.p_value
     if far:
         return True
     # down at the noise the likelihood ratio holds; above it only resampling does

@@ -48,7 +48,22 @@ def joint(search: Search) -> bool:
     Where nothing was found, one of the two may do, which the other only led out of a place in
     which it had been caught.
     """
-    limits, kept = search.thresholds, search.snapshot()
+    kept = search.snapshot()
+    try:
+        return _take_pair(search, kept)
+    except KeyboardInterrupt:
+        # a pair that has not stood its tests is no finding
+        search.restore(kept)
+        raise
+
+
+def _take_pair(search: Search, kept: Search) -> bool:
+    """Look for the best pair, and take it or what it led to; return whether anything was taken.
+
+    Args:
+        search: as found. kept: a snapshot of that.
+    """
+    limits = search.thresholds
     accept_nothing(search)
     try:
         best = _best(search)

@@ -23,7 +23,9 @@ EFFECT = Effect(
         Parameter("play", "{play}", 1e-4, 0.0, 0.5, "g", "from end to end"),
         Parameter("damping_time", "s", 1e-3, 0.0, 0.1, "tau", "damping over stiffness"),
         choice(
-            "sensors", ("before", "beyond"), "where those of the joint's node are",
+            "sensors", ("before", "beyond"),
+            "whether those of the joint's node are on its own side (of a gear: what it turns) or "
+            "with the other part (of a gear: the shaft that drives it)",
             default="beyond",
         ),
         Parameter(

@@ -25,7 +25,11 @@ EFFECT = Effect(
     parameters=(
         Parameter("compliance", "{compliance}", 1.0, 0.0, 1e3, "c", "inverse of its stiffness"),
         Parameter("damping_time", "s", 1e-3, 0.0, 0.1, "tau", "damping over stiffness"),
-        choice("sensors", ("before", "beyond"), "where those of the joint's node are"),
+        choice(
+            "sensors", ("before", "beyond"),
+            "whether those of the joint's node are on its own side (of a gear: what it turns) or "
+            "with the other part (of a gear: the shaft that drives it)",
+        ),
     ),
     actions={"rigid_joint": Action(couples=Coupling("compliance", "damping_time", "sensors"))},
     source="Spong, J. Dyn. Syst. Meas. Control 109 (1987) 310, doi:10.1115/1.3143860",
