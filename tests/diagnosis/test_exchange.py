@@ -90,6 +90,20 @@ def test_an_equivalent_that_fits_as_well_stays_beside() -> None:
     assert (item.start.candidate, item.equivalent) == (ALIKE, (TRUE,))
 
 
+@pytest.mark.parametrize(("likeness", "equivalent"), [(0.9, ()), (1.0 - 1e-7, (ALIKE,))])
+def test_an_equivalent_that_is_behind_in_the_end_is_none(
+    likeness: float, equivalent: tuple[str, ...]
+) -> None:
+    search = search_of(problem(likeness=likeness), "viscous_friction")
+    add(search, TRUE, ALIKE)
+    search.accepted = [replace(search.accepted[0], equivalent=(ALIKE,))]
+    fit = search.fit
+    take_better_equivalents(search)
+    (item,) = search.accepted
+    assert (item.start.candidate, item.equivalent) == (TRUE, equivalent)
+    assert search.fit is fit
+
+
 def test_of_two_equivalents_with_as_many_parameters_the_likelier_comes_first() -> None:
     search = taken_for_equal(search_of(problem(likeness=1.0 - 1e-5), "viscous_friction"))
     before = search.fit.cost

@@ -61,6 +61,7 @@ def take_better_equivalents(search: Search) -> None:
 
     In a look each is refitted for so long only; fitted on, one may leave the other behind. One that
     has more parameters has to do so clearly; of two that have as many, the likelier comes first.
+    One that is no longer as good beside what was found since is no equivalent.
     """
     for item in list(search.effects):
         trials = [one for one in search.look_of(item) if one.candidate in item.equivalent]
@@ -74,6 +75,12 @@ def take_better_equivalents(search: Search) -> None:
             or not are_inside(search, [best.start, *others], fit.vector)
             or yields_to(search, best.candidate, fit.vector) == item.start.candidate
         ):
+            gain = item.comparison.gain
+            behind = {
+                t.candidate for t, end in ends if not is_as_good(search, end, search.fit, gain)
+            }
+            equal = tuple(name for name in item.equivalent if name not in behind)
+            put_in_place(search, item, replace(item, equivalent=equal), search.fit)
             continue
         found = compared(search, item, fit)
         equal = tuple(
