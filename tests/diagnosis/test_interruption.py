@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from eha_bench.diagnosis.conclusion import Conclusion
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
+from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.replay.prediction import predict
@@ -208,28 +210,57 @@ def test_an_effect_that_was_on_trial_is_not_named() -> None:
     assert "before any cause had stood its test" in decision.notes[0]
 
 
-@pytest.mark.parametrize("stands", [True, False])
+@pytest.mark.parametrize(
+    ("names", "refused", "left"),
+    [
+        (["relief_valve"], [], ["relief_valve"]),
+        (["relief_valve"], ["relief_valve"], []),
+        # what stands is not lost with what does not
+        (["external_leakage", "stribeck_friction"], ["stribeck_friction"], ["external_leakage"]),
+        (["external_leakage", "relief_valve"], ["relief_valve", "external_leakage"], []),
+    ],
+)
 def test_an_interrupted_search_names_nothing_that_its_own_figures_refuse(
-    monkeypatch: pytest.MonkeyPatch, stands: bool
+    monkeypatch: pytest.MonkeyPatch, names: list[str], refused: list[str], left: list[str]
 ) -> None:
-    item = SimpleNamespace(start=SimpleNamespace(candidate="relief_valve"))
-    against = None if stands else Refusal(item, "replays of held-out runs are worse with it")
-    monkeypatch.setattr(
-        "eha_bench.diagnosis.conclusion.against_the_end", lambda _search, _found: against
-    )
-    conclusion = object.__new__(Conclusion)
-    conclusion.search = SimpleNamespace(
-        accepted=[item], fit="with it", base="without", excess_left=0, excess_base=1
-    )
-    conclusion._assemble = lambda *, complete: SimpleNamespace(decision=conclusion.decision)
-    found = SimpleNamespace(verdict=Verdict.EFFECT, replays=("held",), decision="so far")
-    left = conclusion._if_it_stands(found)
-    if stands:
-        assert left is found
-        return
-    assert (conclusion.search.accepted, conclusion.search.fit) == ([], "without")
-    assert left.decision.verdict is Verdict.UNKNOWN
-    assert (
-        "relief_valve is not accepted: replays of held-out runs are worse"
-        in (left.decision.notes[0])
-    )
+    items = {name: SimpleNamespace(start=SimpleNamespace(candidate=name)) for name in names}
+    search = SimpleNamespace(fit="with all", base="without", excess_left=0, excess_base=1)
+    search.accepted = search.effects = [*items.values()]
+    conclusion: Any = object.__new__(Conclusion)
+    conclusion.search = search
+    asked = iter(refused)
+
+    def against(*_: Any) -> Refusal | None:
+        name = next(asked, None)
+        return name and Refusal(items[name], "replays of held-out runs are worse with it")
+
+    def drop(_search: Any, item: Any, fit: Any) -> None:
+        search.accepted = search.effects = [own for own in search.effects if own is not item]
+        search.fit = fit
+
+    def so_far() -> Decision:
+        return Decision(Verdict.EFFECT, search.fit, ("the causes found until then",), None)
+
+    def assemble(*, complete: bool) -> SimpleNamespace:
+        assert not complete
+        decided = conclusion.decision
+        return SimpleNamespace(verdict=decided.verdict, replays=("held",), decision=decided)
+
+    for name, own in (
+        ("against_the_end", against),
+        ("drop", drop),
+        ("without", lambda _search, item: f"without {item.start.candidate}"),
+    ):
+        monkeypatch.setattr(f"eha_bench.diagnosis.conclusion.{name}", own)
+    conclusion._decision_so_far, conclusion._assemble = so_far, assemble
+    found: Any = SimpleNamespace(verdict=Verdict.EFFECT, replays=("held",), decision=so_far())
+    end = conclusion._if_it_stands(found)
+    assert [item.start.candidate for item in search.accepted] == left
+    assert end.verdict is (Verdict.EFFECT if left else Verdict.UNKNOWN)
+    assert (end is found) == (not refused)
+    for name in refused:
+        assert f"{name} is not accepted: replays of held-out runs are worse" in " ".join(
+            end.decision.notes
+        )
+    if not left:
+        assert search.fit == "without"

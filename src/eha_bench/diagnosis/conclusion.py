@@ -67,7 +67,7 @@ class Conclusion:
         self.stage = "search"
         self.refused: list[Refusal] = []
         self.search = begin(base, thresholds)
-        note = "no effect was tried yet, so the verdict is open"
+        note = "no effect has stood its tests yet, so the verdict is open"
         self.decision = self._open(note)
         self.found = _calibration_alone(dataset, base, self.decision)
 
@@ -228,15 +228,22 @@ class Conclusion:
 
     def _if_it_stands(self, found: Diagnosis) -> Diagnosis:
         """Return what an interrupted search found, without causes that its own figures refuse."""
-        if found.verdict is not Verdict.EFFECT or found.replays == ():
-            return found
-        against = against_the_end(self.search, found)
-        if against is None:
-            return found
-        accept_nothing(self.search)
-        note = f"interrupted during the search; {against.note}"
-        self.decision = self._open(note)
-        return self._assemble(complete=False)
+        refused: list[str] = []
+        while (
+            found.verdict is Verdict.EFFECT
+            and found.replays != ()
+            and (against := against_the_end(self.search, found)) is not None
+        ):
+            refused.append(against.note)
+            if len(self.search.effects) > 1:
+                drop(self.search, against.item, without(self.search, against.item))
+                decision = self._decision_so_far()
+                self.decision = replace(decision, notes=(*decision.notes, *refused))
+            else:
+                accept_nothing(self.search)
+                self.decision = self._open(f"interrupted during the search; {'; '.join(refused)}")
+            found = self._assemble(complete=False)
+        return found
 
     def _decision_so_far(self) -> Decision:
         note = "interrupted during the search: it names the causes found until then"
