@@ -81,14 +81,14 @@ def test_at_ten_megapascals_every_law_drains_as_much() -> None:
 
 
 def test_a_gap_that_widens_moves_oil_from_one_chamber_to_the_other() -> None:
-    own = widening_leakage.Gap(1e-13, 1.5)
+    own = (1e-13, 1.5)
     # by hand: C d (d / 10 MPa)^0.5 at 2.5 MPa is half of what a laminar one would leak
-    assert widening_leakage.into_a(0.0, 4.5e6, 2e6, own) == pytest.approx(-1.25e-7, rel=1e-4)
-    assert widening_leakage.into_b(0.0, 4.5e6, 2e6, own) == pytest.approx(1.25e-7, rel=1e-4)
-    assert widening_leakage.into_a(0.0, 2e6, 4.5e6, own) == pytest.approx(1.25e-7, rel=1e-4)
+    assert widening_leakage.into_a(0.0, 4.5e6, 2e6, *own) == pytest.approx(-1.25e-7, rel=1e-4)
+    assert widening_leakage.into_b(0.0, 4.5e6, 2e6, *own) == pytest.approx(1.25e-7, rel=1e-4)
+    assert widening_leakage.into_a(0.0, 2e6, 4.5e6, *own) == pytest.approx(1.25e-7, rel=1e-4)
     for difference in (0.0, 1e4, 3e6, 25e6):
-        ends = [widening_leakage.into_b(0.0, difference + h, 0.0, own) for h in (-10.0, 10.0)]
-        steepest = widening_leakage.slope(0.0, difference, 0.0, own)
+        ends = [widening_leakage.into_b(0.0, difference + h, 0.0, *own) for h in (-10.0, 10.0)]
+        steepest = widening_leakage.slope(0.0, difference, 0.0, *own)
         assert (ends[1] - ends[0]) / 20.0 <= 1.001 * steepest
 
 

@@ -13,16 +13,15 @@ Jelali, Kroll, Hydraulic Servo-systems, Springer 2003.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect
+from eha_bench.plants.gap_conductance import gap_conductance
 from eha_bench.plants.parameter import Parameter, choice
 
 _OPEN = 0.0
 _LAMINAR, _POWER = 0.0, 1.0
-_USUAL, _TRANSITION = 10e6, 1e4
 
 
 class Leak(NamedTuple):
@@ -46,8 +45,7 @@ def _conductance(drop: float, own: Leak) -> float:
     """Return the flow over the drop, m^3/(s*Pa)."""
     if own.law == _LAMINAR:
         return own.leakage_coefficient
-    square = (drop * drop + _TRANSITION * _TRANSITION) / (_USUAL * _USUAL)
-    return own.leakage_coefficient * math.pow(square, 0.5 * (own.exponent - 1.0))
+    return gap_conductance(drop, own.leakage_coefficient, own.exponent)
 
 
 def leak(flow: float, pressure: float, low_pressure: float, own: Leak) -> float:

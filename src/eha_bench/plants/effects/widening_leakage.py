@@ -11,43 +11,32 @@ Hydrostatic Pumps and Motors, Akademia Books 2001 (gaps that deform).
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
-from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect
+from eha_bench.plants.gap_conductance import gap_conductance
 from eha_bench.plants.parameter import Parameter
 
-_USUAL, _TRANSITION = 10e6, 1e4
 
-
-class Gap(NamedTuple):
-    """The effect's own parameters."""
-
-    leakage_coefficient: float
-    exponent: float
-
-
-@njit()
-def _conductance(difference: float, own: Gap) -> float:
-    """Return the flow over the pressure difference, m^3/(s*Pa)."""
-    square = (difference * difference + _TRANSITION * _TRANSITION) / (_USUAL * _USUAL)
-    return own.leakage_coefficient * math.pow(square, 0.5 * (own.exponent - 1.0))
-
-
-def into_a(flow: float, p_a: float, p_b: float, own: Gap) -> float:
+def into_a(
+    flow: float, p_a: float, p_b: float, leakage_coefficient: float, exponent: float
+) -> float:
     """Return the flow into chamber A less what leaks to B, m^3/s."""
-    return flow - _conductance(p_a - p_b, own) * (p_a - p_b)
+    d = p_a - p_b
+    return flow - gap_conductance(d, leakage_coefficient, exponent) * d
 
 
-def into_b(flow: float, p_a: float, p_b: float, own: Gap) -> float:
+def into_b(
+    flow: float, p_a: float, p_b: float, leakage_coefficient: float, exponent: float
+) -> float:
     """Return the flow into chamber B with what leaks from A, m^3/s."""
-    return flow + _conductance(p_a - p_b, own) * (p_a - p_b)
+    d = p_a - p_b
+    return flow + gap_conductance(d, leakage_coefficient, exponent) * d
 
 
-def slope(value: float, p_a: float, p_b: float, own: Gap) -> float:
+def slope(
+    value: float, p_a: float, p_b: float, leakage_coefficient: float, exponent: float
+) -> float:
     """Return the conductance between the chambers, never less than the true slope."""
-    return value + own.exponent * _conductance(p_a - p_b, own)
+    return value + exponent * gap_conductance(p_a - p_b, leakage_coefficient, exponent)
 
 
 EFFECT = Effect(
