@@ -811,6 +811,8 @@ class NetworkPlant(Plant):
             if (
                 part.element.kind.id == "cylinder"
                 and system.leader_of(part.element.ports["on"]) is item
+                # a chamber that is a reservoir has no oil of its own that could end
+                and all(f"{part.name}.volume_{side}" in system.slot_of for side in ("a", "b"))
             ):
                 half = min(
                     self._value(vector, part.name, f"volume_{side}")
