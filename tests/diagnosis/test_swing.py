@@ -21,22 +21,8 @@ from eha_bench.diagnosis.search.swing import best_periods, is_swing, with_period
 from eha_bench.plants.effects.supply_sag import Others, sagging_pressure
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
+from fed_rod_plant import FED_ROD
 
-PLANT = """\
-plant: fed
-nodes:
-  supply:  {kind: reservoir, pressure: 20 bar}
-  ambient: {kind: reservoir, pressure: 0 bar}
-  rod:     {kind: translation, mass: 2 kg}
-elements:
-  cylinder: {kind: cylinder, on: rod, a: supply, b: ambient, area_a: 5 cm^2, area_b: 5 cm^2}
-  coil:     {kind: spring, on: rod, stiffness: 2e4 N/m}
-  drag:     {kind: friction, on: rod, viscous: 200 N*s/m}
-  push:     {kind: load, on: rod}
-inputs: {push_force: push.force}
-channels: {rod_position: rod.position}
-calibrate: [supply.pressure, drag.viscous]
-"""
 WINDOW, TICKS, TICK = 0.1, 20, 5e-3
 FIELDS = Others._fields
 
@@ -44,7 +30,7 @@ FIELDS = Others._fields
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     path = tmp_path_factory.mktemp("fed") / "plant.yaml"
-    path.write_text(PLANT)
+    path.write_text(FED_ROD)
     return load_model(path)
 
 
@@ -159,7 +145,7 @@ def test_a_supply_that_others_draw_from_is_named(model, tmp_path: Path, wave: st
         text = "time [s],push_force [N],rod_position [m]\n" + "\n".join(lines)
         (tmp_path / f"run_{number}.csv").write_text(text + "\n")
         rows.append(f"  - {{log: run_{number}.csv, use: {'holdout' if number == 2 else 'train'}}}")
-    (tmp_path / "plant.yaml").write_text(PLANT)
+    (tmp_path / "plant.yaml").write_text(FED_ROD)
     (tmp_path / "dataset.yaml").write_text("model: plant.yaml\nruns:\n" + "\n".join(rows) + "\n")
     found = diagnose(tmp_path / "dataset.yaml", tmp_path / "out")
     assert [effect.id for effect in found.effects] == ["supply_sag"]

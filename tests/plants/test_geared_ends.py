@@ -10,6 +10,7 @@ import pytest
 
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
+from fed_rod_plant import FED_ROD
 
 PLANT = """\
 plant: vane_arm
@@ -82,17 +83,6 @@ def test_a_cylinder_behind_a_gear_says_its_ends_at_the_joint(tmp_path: Path) -> 
 
 def test_a_cylinder_between_reservoirs_has_no_ends(tmp_path: Path) -> None:
     path = tmp_path / "plant.yaml"
-    path.write_text("""\
-plant: fed
-nodes:
-  supply:  {kind: reservoir, pressure: 20 bar}
-  ambient: {kind: reservoir, pressure: 0 bar}
-  rod:     {kind: translation, mass: 2 kg}
-elements:
-  cylinder: {kind: cylinder, on: rod, a: supply, b: ambient, area_a: 5 cm^2, area_b: 5 cm^2}
-  push:     {kind: load, on: rod}
-inputs: {push_force: push.force}
-channels: {rod_position: rod.position}
-""")
+    path.write_text(FED_ROD)
     found = load_model(path)
     assert found.plant.position_range(found.vector())["rod_position"] == (-np.inf, np.inf)

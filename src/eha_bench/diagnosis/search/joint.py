@@ -51,8 +51,8 @@ def joint(search: Search) -> bool:
     kept = search.snapshot()
     try:
         return _take_pair(search, kept)
-    except KeyboardInterrupt:
-        # a pair that has not stood its tests is no finding
+    except BaseException:
+        # stopped or failed: a pair that has not stood its tests is no finding
         search.restore(kept)
         raise
 
@@ -65,10 +65,8 @@ def _take_pair(search: Search, kept: Search) -> bool:
     """
     limits = search.thresholds
     accept_nothing(search)
-    try:
-        best = _best(search)
-    finally:
-        search.restore(kept)
+    best = _best(search)
+    search.restore(kept)
     if best is None or not _may_win(search, best):
         return False
     search.fit = best.fit
