@@ -78,7 +78,7 @@ def test_any_text_is_read_alike(parts: list[str]) -> None:
         "a: 0x10", "a: .5", "a: 1_000", "a: .inf", "a: 2020-01-01", "a: 012", "a: 5.", "<<: {a: 1}",
         "a: !x b", "%YAML 1.1\n---\na: yes", "--- a\n--- b", "a:\tb", "a: 1\na: 2", "? [a]\n: b",
         "a: &x 1\nb: *x", "|# no\n", "[" * 50 + "]" * 50, "a: [", "", "\ufeffa: 1", "a: \x85b",
-        "a: " + "9" * 5000,
+        "a: " + "9" * 5000, "|\n  \n    ", "a: >\n\n  \n    b",
     ],
 )  # fmt: skip
 def test_what_is_not_plain_is_left_to_ruamel(text: str) -> None:

@@ -27,7 +27,10 @@ _TYPED = re.compile(
 )
 """What is not text in YAML 1.2, or may be none."""
 _UNLIKE = re.compile(
-    "[\t\r\x85\u2028\u2029\ufeff]|[|>][-+0-9]*#|^(?:%|---|\\.\\.\\.)", re.MULTILINE
+    "[\t\r\x85\u2028\u2029\ufeff]|[|>][-+0-9]*#|^(?:%|---|\\.\\.\\.)"
+    # a block of text that begins with lines of spaces
+    "|[|>][-+0-9]* *\n(?: *\n)* +(?:\n|\\Z)",
+    re.MULTILINE,
 )
 """What libyaml takes otherwise, as YAML 1.1 or by being lenient; and what parts documents."""
 
