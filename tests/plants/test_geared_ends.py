@@ -81,6 +81,20 @@ def test_a_cylinder_behind_a_gear_says_its_ends_at_the_joint(tmp_path: Path) -> 
     assert (low, high) == pytest.approx((-25.0 / 6.0, 25.0 / 6.0))
 
 
+def test_an_arm_that_a_gear_joins_to_the_rod_has_the_rods_ends(tmp_path: Path) -> None:
+    """The same arm with the rod as its leader: 4.17 m to each side, and twice as many rad."""
+    path = tmp_path / "plant.yaml"
+    text = PLANT.format(ratio=1.0, area=0.6, stroke="")
+    path.write_text(
+        text.replace(
+            "from: vane, to: arm, ratio: 1.0 m/rad", "from: arm, to: vane, ratio: -2 rad/m"
+        )
+    )
+    found = load_model(path)
+    low, high = found.plant.position_range(found.vector())["arm_angle"]
+    assert (low, high) == pytest.approx((-2 * 25.0 / 6.0, 2 * 25.0 / 6.0))
+
+
 def test_a_cylinder_between_reservoirs_has_no_ends(tmp_path: Path) -> None:
     path = tmp_path / "plant.yaml"
     path.write_text(FED_ROD)

@@ -15,6 +15,7 @@ from typing import Final
 
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset
+from eha_bench.diagnosis.data.pauses import parted_at_pauses
 from eha_bench.diagnosis.fit.baseline import (
     Baseline,
     CalibrationInterrupted,
@@ -33,10 +34,13 @@ _LOUD: Final = 1.5
 def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
     """Calibrate; where the delay of a training run jumps, once more with that run up to there.
 
+    The parts of a training log that pauses are runs of their own.
+
     Raises:
         InputError: nothing to calibrate with.
         CalibrationInterrupted: Ctrl-C once the data were read.
     """
+    dataset = _parted(dataset)
     base = calibrated_baseline(dataset, progress)
     if base.fit.cost < _LOUD * SOFT_MEAN * base.problem.size:
         return base
@@ -49,6 +53,15 @@ def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress)
     runs = tuple(replace(run, until=ends.get(run.name, run.until)) for run in dataset.runs)
     again = calibrated_baseline(replace(dataset, runs=runs), progress)
     return replace(again, notes=(*again.notes, *notes))
+
+
+def _parted(dataset: Dataset) -> Dataset:
+    """Return a dataset whose training runs end where their logs pause."""
+    held_out = dataset.held_out
+    training = parted_at_pauses(dataset.training, [run.name for run in held_out])
+    if training == dataset.training:
+        return dataset
+    return replace(dataset, runs=(*training, *held_out))
 
 
 def _ends(base: Baseline) -> tuple[Mapping[str, float], tuple[str, ...]]:

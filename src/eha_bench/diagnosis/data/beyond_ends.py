@@ -13,7 +13,7 @@ import numpy as np
 
 from eha_bench.diagnosis.data.measured import Measured
 
-_BEYOND: Final = 0.1
+_BEYOND: Final = 0.03
 """Share of the way between both ends by which readings may be beyond them: ends give way."""
 _OFTEN: Final = 0.01
 """Share of the readings that are beyond before anything is noted: single ones are outliers."""

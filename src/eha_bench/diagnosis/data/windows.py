@@ -102,7 +102,7 @@ def _first_start(measured: Measured, noise: Mapping[str, float], allowed: BoolAr
     begins with a valve's step, what its spool and a drive were asked for before is not in the log.
     """
     moves = _begins_in_motion(measured, noise) or _turns_at_first(measured, noise)
-    if not (moves or _begins_with_a_step(measured)):
+    if not (moves or steps_at_first(measured)):
         return 0
     within = np.flatnonzero(allowed[: np.searchsorted(measured.time, FREE_WINDOW)])
     return int(within[0]) if within.size else 0
@@ -383,10 +383,15 @@ def _begins_in_motion(measured: Measured, noise: Mapping[str, float]) -> bool:
     return any(abs(value) > spread for value, spread in filter(None, slopes))
 
 
-def _begins_with_a_step(measured: Measured) -> bool:
-    """Whether a valve is asked for much at a run's first sample."""
-    commands = [measured.inputs[n] for n in measured.roles.remembered if n in measured.inputs]
-    return any(abs(own[0]) > _STEP * float(np.ptp(own)) for own in commands)
+def steps_at_first(measured: Measured) -> dict[str, float]:
+    """Return the valves' commands that ask for much at a run's first sample, with their values."""
+    commands = [name for name in measured.roles.remembered if name in measured.inputs]
+    firsts = {name: float(measured.inputs[name][0]) for name in commands}
+    return {
+        name: value
+        for name, value in firsts.items()
+        if abs(value) > _STEP * float(np.ptp(measured.inputs[name]))
+    }
 
 
 def _turns_at_first(measured: Measured, noise: Mapping[str, float]) -> bool:

@@ -11,6 +11,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
+from eha_bench.core.note import Note, merged_notes
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.beyond_ends import beyond_ends
 from eha_bench.diagnosis.data.colour import FEWEST
@@ -24,6 +25,8 @@ from eha_bench.diagnosis.data.windows import (
     Window,
     cut_windows,
     from_another_angle,
+    is_whole,
+    steps_at_first,
     window_at,
 )
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
@@ -149,7 +152,12 @@ def gather(
         tuple(measured),
         windows,
         noise,
-        (*notes, *_noise_notes(measured, plant.units), *_notes(measured)),
+        (
+            *notes,
+            *_noise_notes(measured, plant.units),
+            *_notes(measured),
+            *merged_notes(_step_notes(measured)),
+        ),
     )
 
 
@@ -354,6 +362,19 @@ def colour_notes(measured: Sequence[Measured]) -> Iterator[str]:
             f"the noise of '{name}' is not white: neighbouring samples "
             f"correlate by {' and '.join(known)}; the fit weighs it accordingly"
         )
+
+
+def _step_notes(measured: Sequence[Measured]) -> Iterator[Note]:
+    """Say which logs begin in the midst of a valve's command."""
+    for item in measured:
+        for name in () if is_whole(item) else steps_at_first(item):
+            yield Note(
+                "{run}: '{channel}' is on at the first sample, and what it was before is not in "
+                "the log: it is fitted from where it moves, and tells nothing of a delay there; a "
+                "log that begins before the step does",
+                run=item.run.name,
+                channel=name,
+            )
 
 
 def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:

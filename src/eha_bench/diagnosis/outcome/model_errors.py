@@ -17,6 +17,7 @@ from eha_bench.diagnosis.data.command_lead import led_like
 from eha_bench.diagnosis.data.dataset import Dataset, Use
 from eha_bench.diagnosis.data.gate import admit, restful_channels
 from eha_bench.diagnosis.data.measured import Measured
+from eha_bench.diagnosis.data.pauses import parted_at_pauses
 from eha_bench.diagnosis.data.quiet import coloured_like
 from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
@@ -199,7 +200,8 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
     compared = dataset.model.plant.determined(dataset.inputs)
     columns = ((name, item.column(name)) for item in fitted for name in item.outputs)
     restful = restful_channels((name, column) for name, column in columns if column is not None)
-    for run in dataset.held_out:
+    names = [run.name for run in dataset.training]
+    for run in parted_at_pauses(dataset.held_out, names):
         try:
             recording = on_ticks(run.topics(), dataset.inputs, compared)
             item = admit(

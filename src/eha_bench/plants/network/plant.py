@@ -787,6 +787,13 @@ class NetworkPlant(Plant):
             for coordinate in self.system.coordinates:
                 if item.state == coordinate.position:
                     found[item.channel] = self._ends(vector, coordinate.number, linkage)
+        for item, coordinate in self.system.geared_channels():
+            if item.quantity in ("angle", "position"):
+                turns = self._turns(vector, item.of)
+                low, high = sorted(
+                    turns * end for end in self._ends(vector, coordinate.number, linkage)
+                )
+                found[item.channel] = (low, high)
         if linkage is not None:
             for channel in self.derived_channels:
                 half = linkage.half_stroke

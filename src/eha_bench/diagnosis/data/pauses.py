@@ -1,0 +1,111 @@
+"""Logs that pause: their parts are runs of their own.
+
+A logger that sleeps, or a rig that is stopped between two tests, leaves nothing of what was asked
+for in between, and the machine goes on: a boom moved on by 3 degrees in a second of which no row is
+left. A simulation that holds the last command over it is wrong from there on, and its whole error
+would be laid to the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import count, pairwise
+from typing import Final
+
+import numpy as np
+
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.errors import RecordingError
+from eha_bench.core.note import Note
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import Run
+
+_PAUSE: Final = 0.25
+"""Shortest pause, s: within less a machine does little that its readings before do not tell."""
+_PERIODS: Final = 20.0
+"""Shortest pause in usual periods of the log."""
+_FEWEST: Final = 20
+"""Least samples of a part that is a run of its own."""
+
+
+def parted_at_pauses(runs: Sequence[Run], taken: Sequence[str]) -> tuple[Run, ...]:
+    """Return runs, those whose log pauses as one for each part of it.
+
+    Args:
+        runs: of a dataset. A log that cannot be read is left to whoever reads it next.
+        taken: names that other runs have.
+    """
+    names = {*taken, *(run.name for run in runs)}
+    found: list[Run] = []
+    for run in runs:
+        first, *others = _parts(run)
+        found.append(first)
+        free = (name for n in count(2) if (name := f"{run.name}-{n}") not in names)
+        found += [replace(part, name=name) for part, name in zip(others, free, strict=False)]
+    return tuple(found)
+
+
+def _parts(run: Run) -> list[Run]:
+    """Return the parts of a run's log between its pauses that are long enough, or the run."""
+    try:
+        topics = run.topics()
+    except RecordingError:
+        return [run]
+    stamps = np.unique(np.concatenate([item.time for item in topics]))
+    edges = pauses(stamps)
+    spans = [
+        (start, stop)
+        for start, stop in pairwise([-np.inf, *(stop for _, stop in edges), np.inf])
+        if np.count_nonzero((stamps >= start) & (stamps < stop)) >= _FEWEST
+    ]
+    if not edges or not spans:
+        return [run]
+    note = Note(
+        "nothing was logged for {longest:.3g} s from {start:.3g} s on, and what drove it then is "
+        "unknown: the parts of the log before and after are compared as runs of their own",
+        longest=max(stop - start for start, stop in edges),
+        start=edges[0][0] - float(stamps[0]),
+    )
+    each_topic = run.by_topic is not None
+    return [
+        replace(
+            run,
+            reader=_part(run.read, start, stop, notes),
+            by_topic=_part_of_each(run.topics, start, stop, notes) if each_topic else None,
+        )
+        for (start, stop), notes in zip(spans, [(note,), *[()] * len(spans)], strict=False)
+    ]
+
+
+def pauses(stamps: FloatArray) -> list[tuple[float, float]]:
+    """Return the last stamp before each pause and the first after it, s.
+
+    Args:
+        stamps: (n,) of all topics of a log, in their order.
+    """
+    steps = np.diff(stamps)
+    if steps.size < _FEWEST:
+        return []
+    least = max(_PAUSE, _PERIODS * float(np.median(steps)))
+    return [(float(stamps[k]), float(stamps[k + 1])) for k in np.flatnonzero(steps > least)]
+
+
+def _part(
+    read: Callable[[], Recording], start: float, stop: float, notes: tuple[Note, ...]
+) -> Callable[[], Recording]:
+    def part() -> Recording:
+        found = read().between(start, stop)
+        return replace(found, notes=(*found.notes, *notes))
+
+    return part
+
+
+def _part_of_each(
+    read: Callable[[], tuple[Recording, ...]], start: float, stop: float, notes: tuple[Note, ...]
+) -> Callable[[], tuple[Recording, ...]]:
+    def parts() -> tuple[Recording, ...]:
+        first, *others = (item.between(start, stop) for item in read())
+        return (replace(first, notes=(*first.notes, *notes)), *others)
+
+    return parts
