@@ -10,6 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from eha_bench.diagnosis.fit.instants import Instants
+from eha_bench.diagnosis.fit.prepared import Prepared, WanderingZero
 from eha_bench.diagnosis.fit.readings import StartBases, WindowReadings
 
 WIDTH = 3
@@ -44,6 +45,12 @@ def part(rng: np.random.Generator, ticks: int, *, coloured: bool, timed: bool) -
         shrink=rng.uniform(0.1, 0.9, 2),
         offset=rng.normal(size=size) if timed else None,
         weights=None if timed else rng.uniform(0.5, 1.0, size),
+        zeros=tuple(
+            WanderingZero.of(
+                np.flatnonzero(channel == number), rng.normal(size=((channel == number).sum(), 3))
+            )
+            for number in ((0, 1) if timed else ())
+        ),
         window=SimpleNamespace(measured=SimpleNamespace(run=SimpleNamespace(name="r"))),
     )
 
@@ -93,8 +100,31 @@ def test_start_bases_take_what_starts_could_have_done() -> None:
     for item, own, rest in zip(parts, np.split(residual, [sizes[0]]), found, strict=True):
         left = own if item.offset is None else own - item.offset
         left = left if item.weights is None else left * item.weights
+        for zero in item.zeros:
+            left = zero.without(left)
         projected = item.basis @ (item.shrink * (item.basis.T @ left))
         np.testing.assert_allclose(rest, left - projected, atol=1e-12)
     assert bases.are_of(parts)
     parts[1].basis = parts[1].basis.copy()
     assert not bases.are_of(parts)
+
+
+def test_a_residual_of_noise_starts_and_wandering_zeros_is_white() -> None:
+    """T (1 + U U' + W W') T' = 1, and C^(-1) is its inverse, by a matrix of columns."""
+    rng = np.random.default_rng(6)
+    size = 12
+    nothing: Any = None
+    item = Prepared(
+        nothing, nothing, np.arange(2), np.arange(size), *[nothing] * 3, nothing, nothing
+    )
+    starts = 3.0 * rng.normal(size=(size, 2))
+    rows = np.arange(1, size, 2), np.arange(0, size, 2)
+    zeros = [(own, 2.0 * rng.normal(size=(own.size, 3))) for own in rows]
+    item.span(starts, zeros)
+    covariance = np.eye(size) + starts @ starts.T
+    for own, columns in zeros:
+        covariance[np.ix_(own, own)] += columns @ columns.T
+    white = np.column_stack([item.white(unit) for unit in np.eye(size)])
+    inverse = np.column_stack([item.at_best(unit) for unit in np.eye(size)])
+    np.testing.assert_allclose(white @ covariance @ white.T, np.eye(size), atol=1e-10)
+    np.testing.assert_allclose(inverse @ covariance, np.eye(size), atol=1e-10)

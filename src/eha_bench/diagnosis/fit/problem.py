@@ -355,9 +355,8 @@ class Problem:
         return further
 
     def _span(self, part: Prepared, slopes: FloatArray) -> None:
-        """Give a window its U: what its start, its inputs' noise and wandering zeros do."""
-        zeros = self._wandering(part)
-        part.span(np.column_stack([slopes, *part.of_inputs, *zeros]), of_many=bool(zeros))
+        """Give a window what its start, its inputs' noise and wandering zeros do."""
+        part.span(np.column_stack([slopes, *part.of_inputs]), self._wandering(part))
 
     def _slopes(
         self, parts: Sequence[Prepared], drives: Drives, readings: WindowReadings, in_run: _InRuns
@@ -570,20 +569,21 @@ class Problem:
         each = map if threads == 1 or len(groups) < 2 else _pool(threads).map
         return [item for items in each(function, groups) for item in items]
 
-    def _wandering(self, part: Prepared) -> list[FloatArray]:
-        """Return what zeros that wander do in a window, a column for each of their cosines."""
+    def _wandering(self, part: Prepared) -> list[tuple[IndexArray, FloatArray]]:
+        """Return what zeros that wander do in a window: a sensor's rows, a column a cosine."""
         measured = part.window.measured
         ticks, channels = np.divmod(part.pick, part.columns.size)
         time = measured.time[part.window.first + ticks]
-        found: list[FloatArray] = []
+        found = []
         for number, at in enumerate(part.columns):
             wander, rows = measured.wander.get(self.plant.outputs[at]), channels == number
             if wander is None or np.count_nonzero(rows) < 2:
                 continue
-            own = cosines(time[rows], wander)
-            columns = np.zeros((part.pick.size, own.shape[1]))
-            columns[rows] = own
-            found += [*(columns if part.whitening is None else part.whitening @ columns).T]
+            own, places = cosines(time[rows], wander), np.flatnonzero(rows)
+            if part.whitening is not None:
+                # noise that remembers does so within its own channel
+                own = part.whitening[places][:, places] @ own
+            found.append((places, own))
         return found
 
     def _ready(self, window: Window) -> Prepared:

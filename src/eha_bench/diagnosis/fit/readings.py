@@ -162,6 +162,15 @@ class StartBases:
         self._begins = _edges([part.basis.size for part in parts])
         self._shrink = _joined([part.shrink for part in parts], np.float64)
         self._basis = _joined([part.basis.T.ravel() for part in parts], np.float64)
+        zeros = [(k, zero) for k, part in enumerate(parts) for zero in part.zeros]
+        self._zeros = (
+            _edges([zero.rows.size for _, zero in zeros]),
+            _joined([self._rows[k] + zero.rows for k, zero in zeros], np.intp),
+            _edges([zero.shrink.size for _, zero in zeros]),
+            _edges([zero.basis.size for _, zero in zeros]),
+            _joined([zero.basis.T.ravel() for _, zero in zeros], np.float64),
+            _joined([zero.shrink for _, zero in zeros], np.float64),
+        )
         moved = [(k, part.offset) for k, part in enumerate(parts) if part.offset is not None]
         self._moved = [(slice(self._rows[k], self._rows[k + 1]), offset) for k, offset in moved]
         self._weights = [
@@ -178,12 +187,13 @@ class StartBases:
         )
 
     def white(self, residual: FloatArray) -> FloatArray:
-        """Return C^(-1/2) of the windows' residual, from their measured starts, (N,)."""
+        """Return what is white of the windows' residual, from their measured starts, (N,)."""
         out = residual.copy()
         for rows, offset in self._moved:
             out[rows] -= offset
         for rows, weights in self._weights:
             out[rows] *= weights
+        _take_zeros(*self._zeros, out)
         _whiten_each(self._rows, self._sizes, self._begins, self._basis, self._shrink, out)
         return out
 
@@ -282,3 +292,41 @@ def _whiten_each(
             column = basis[begins[w] + j * count : begins[w] + (j + 1) * count]
             for r in range(count):
                 residual[r] -= shares[j] * column[r]
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _take_zeros(
+    edges: IndexArray,
+    rows: IndexArray,
+    sizes: IndexArray,
+    begins: IndexArray,
+    basis: FloatArray,
+    shrink: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Take what sensors' zeros do from the residual of their own readings.
+
+    Args:
+        edges: (zeros + 1,) where each one's `rows` begin. rows: places in `out`.
+        sizes: where its `shrink` begins. begins: where its basis does. basis: column by column.
+        shrink: of all. out: (N,) changed.
+    """
+    own = np.empty(max(1, np.max(np.diff(edges)) if edges.size > 1 else 1))
+    for z in range(edges.size - 1):
+        count = edges[z + 1] - edges[z]
+        columns = sizes[z + 1] - sizes[z]
+        for r in range(count):
+            own[r] = out[rows[edges[z] + r]]
+        shares = np.empty(columns)
+        for j in range(columns):
+            column = basis[begins[z] + j * count : begins[z] + (j + 1) * count]
+            along = 0.0
+            for r in range(count):
+                along += column[r] * own[r]
+            shares[j] = along * shrink[sizes[z] + j]
+        for j in range(columns):
+            column = basis[begins[z] + j * count : begins[z] + (j + 1) * count]
+            for r in range(count):
+                own[r] -= shares[j] * column[r]
+        for r in range(count):
+            out[rows[edges[z] + r]] = own[r]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.fit.evidence import Improvement
 from eha_bench.diagnosis.search.backward import drop, release, review, without_idle
 from eha_bench.diagnosis.search.choice import choose, equivalents
 from eha_bench.diagnosis.search.exchange import exchange, take_better_equivalents
@@ -85,15 +88,23 @@ def _is_nearly_explained(search: Search) -> bool:
 
 
 def _refused_for_its_share(search: Search) -> bool:
-    """Whether something was sure in the last look, of an excess that was told by other noise."""
+    """Whether something was sure in the last look, and enough of what is missing by other noise."""
     if search.looked_from is not None:
         return False
     added = {item.start.candidate for item in search.accepted}
     return any(
-        search.thresholds.allow(item.comparison)
+        search.thresholds.allow(item.comparison) and _is_enough_now(search, item.comparison)
         for item in search.looks[-1]
         if not item.start.is_parameter and item.candidate not in added
     )
+
+
+def _is_enough_now(search: Search, found: Improvement) -> bool:
+    """Whether a gain would be enough of the excess as it is told now."""
+    missing = search.excess_left
+    now = found.gain / found.share / missing.total if found.share * missing.total else math.inf
+    again = replace(found, share=found.share * now, share_out=found.share_out * now)
+    return search.thresholds.is_enough(again, missing, len(search.effects))
 
 
 def _latest_look(search: Search) -> list[Refit]:
