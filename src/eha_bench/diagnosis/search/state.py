@@ -77,7 +77,8 @@ class Search:
         fit: current best. base: without any added effect.
         accepted: in the order added. ranking: of the first look.
         looks: all that were taken, each the best first. looked_from: where the last one was.
-        exchanged_from: where an exchange last changed nothing.
+        exchanged_from: where an exchange last changed nothing. pairs_tried: whether two at once
+            were looked for, which begins from nothing: what was found since changes nothing of it.
         near: the last search over short windows (`refit.Near`), where it began.
         excess_base, excess_left: beyond noise before and after.
         thresholds: when something is missing, believed, and kept.
@@ -97,6 +98,7 @@ class Search:
     looks: list[list[Refit]] = field(default_factory=list)
     looked_from: Fit | None = None
     exchanged_from: Fit | None = None
+    pairs_tried: bool = False
     near: object | None = None
     thresholds: Thresholds = DEFAULT
 

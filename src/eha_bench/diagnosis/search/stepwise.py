@@ -38,8 +38,9 @@ def run(search: Search, progress: ProgressHook) -> None:
         if exchange(search):
             review(search)
             _grow(search, progress)
-    if search.is_unexplained and not search.is_all_but_a_form:
+    if search.is_unexplained and not (search.is_all_but_a_form or search.pairs_tried):
         progress("search", 0.9)
+        search.pairs_tried = True
         kept = search.snapshot()
         if joint(search):
             if (idle := without_idle(search)) is not None:
