@@ -199,7 +199,7 @@ def test_an_effect_that_was_on_trial_is_not_named() -> None:
         fit="with it",
         base="without",
         excess_left="little",
-        excess_base=SimpleNamespace(significance=50.0),
+        excess_base=SimpleNamespace(significance=50.0, relative=0.5, bursts=0.0),
         thresholds=DEFAULT,
     )
     conclusion = object.__new__(Conclusion)
@@ -208,6 +208,26 @@ def test_an_effect_that_was_on_trial_is_not_named() -> None:
     assert (search.accepted, search.fit) == ([], "without")
     assert decision.verdict is Verdict.UNKNOWN
     assert "before any cause had stood its test" in decision.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("relative", "significance", "verdict"),
+    [
+        (0.01, 2.0, Verdict.NONE),
+        (0.5, 50.0, Verdict.UNKNOWN),
+        # a slow log shows little structure, and a search that was stopped has not looked
+        (1.3, 2.0, Verdict.UNKNOWN),
+    ],
+)
+def test_a_stopped_search_says_nothing_is_missing_only_of_what_is_down_to_the_noise(
+    relative: float, significance: float, verdict: Verdict
+) -> None:
+    missing = SimpleNamespace(significance=significance, relative=relative, bursts=0.0)
+    conclusion: Any = object.__new__(Conclusion)
+    conclusion.search = SimpleNamespace(
+        accepted=[], effects=(), fit="fit", excess_base=missing, thresholds=DEFAULT
+    )
+    assert conclusion._decision_so_far().verdict is verdict
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 from eha_bench.core.interruption import Interruption, checkpoints
 from eha_bench.core.progress import ProgressHook
@@ -39,9 +38,6 @@ from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.diagnosis.search.left_out_runs import explains_all_runs, search_in_all_runs
 from eha_bench.diagnosis.search.state import accept_nothing, begin
 from eha_bench.diagnosis.unknown.locator import locate
-
-_NOTHING: Final = 5.0
-"""Significance of what is missing, in standard deviations, below which nothing is."""
 
 
 class Conclusion:
@@ -252,7 +248,8 @@ class Conclusion:
             accept_nothing(self.search)
             note = "interrupted during the search, before any cause had stood its test"
         verdict = Verdict.EFFECT if self.search.effects else Verdict.UNKNOWN
-        if self.search.excess_base.significance < _NOTHING:
+        missing, limits = self.search.excess_base, self.search.thresholds
+        if not limits.is_unexplained(missing) and missing.relative < limits.rest:
             verdict = Verdict.NONE
         unknown = Unknown(None, (), note) if verdict is Verdict.UNKNOWN else None
         return Decision(verdict, self.search.fit, (note,), unknown)
