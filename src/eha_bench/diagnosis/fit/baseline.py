@@ -18,6 +18,7 @@ from eha_bench.diagnosis.data.colour import FEWEST
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import admit, restful_channels
 from eha_bench.diagnosis.data.measured import Measured, notes_of_runs, pooled_noise
+from eha_bench.diagnosis.data.onset import topics_from_onset
 from eha_bench.diagnosis.data.quiet import quiet_stretches, with_colours, with_noise_colour
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.ticks import on_ticks
@@ -113,7 +114,8 @@ def gather(
     runs, recordings = [], []
     for run in with_own(plant.layout, dataset.training, dataset.model.per_run):
         try:
-            recordings.append(on_ticks(run.topics(), dataset.inputs, compared))
+            topics = topics_from_onset(run, dataset.inputs, compared, plant.roles)
+            recordings.append(on_ticks(topics, dataset.inputs, compared))
             runs.append(run)
         except RecordingError as error:
             unread.append(error)

@@ -17,6 +17,7 @@ from eha_bench.diagnosis.data.command_lead import led_like
 from eha_bench.diagnosis.data.dataset import Dataset, Use
 from eha_bench.diagnosis.data.gate import admit, restful_channels
 from eha_bench.diagnosis.data.measured import Measured
+from eha_bench.diagnosis.data.onset import topics_from_onset
 from eha_bench.diagnosis.data.pauses import parted_at_pauses
 from eha_bench.diagnosis.data.quiet import coloured_like
 from eha_bench.diagnosis.data.ticks import on_ticks
@@ -203,7 +204,8 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
     names = [run.name for run in dataset.training]
     for run in parted_at_pauses(dataset.held_out, names):
         try:
-            recording = on_ticks(run.topics(), dataset.inputs, compared)
+            topics = topics_from_onset(run, dataset.inputs, compared, dataset.model.plant.roles)
+            recording = on_ticks(topics, dataset.inputs, compared)
             item = admit(
                 run,
                 recording,

@@ -20,6 +20,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.measured import Measured, pooled_noise
+from eha_bench.diagnosis.data.onset import topics_from_onset
 from eha_bench.diagnosis.data.ticks import Sampled, nearest, on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.first_part import first_part
@@ -240,7 +241,8 @@ def predict(
         if progress:
             progress(run.name, number / len(dataset.runs))
         recording = run.read()
-        sampled = on_ticks(run.topics(), dataset.inputs, determined)
+        topics = topics_from_onset(run, dataset.inputs, determined, model.plant.roles)
+        sampled = on_ticks(topics, dataset.inputs, determined)
         measured = admit(
             run, sampled, dataset.inputs, determined, strict=False, roles=model.plant.roles
         )
@@ -276,7 +278,8 @@ def _prediction_of(
     derived = plant.derived(model.vector(), columns)
     columns |= {n: v for n, v in derived.items() if n in recording and n not in measured.inputs}
     errors = _errors(columns, measured, sampled.recording)
-    if sampled.is_of_several or sampled.logged is not None:
+    apart = sampled.is_of_several or len(sampled.recording) != len(recording)
+    if apart or sampled.logged is not None:
         columns = _at_stamps(columns, sampled.recording, recording)
     notes = measured.notes + start.notes
     if _anchors(measured, model, start.state, STEP) and measured.turning:
