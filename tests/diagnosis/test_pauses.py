@@ -78,6 +78,17 @@ def test_parts_are_runs_of_their_own_and_the_first_says_so(folder: Path) -> None
     assert len(after.notes) == len(before.notes) - 1
 
 
+def test_a_log_stays_whole_where_a_part_lacks_a_channel(folder: Path) -> None:
+    """A command that is logged on change is in force behind the pause, though no row says so."""
+    rows = (folder / "log.csv").read_text().splitlines()
+    header, *lines = rows
+    cells = [line.split(",") for line in lines]
+    kept = [[t, u if float(t) < 2.0 else "", x] for t, u, x in cells]
+    (folder / "log.csv").write_text("\n".join([header, *map(",".join, kept)]) + "\n")
+    runs = load_dataset(folder / "dataset.yaml").runs[:1]
+    assert parted_at_pauses(runs, []) == runs
+
+
 def test_what_drove_a_machine_in_a_pause_is_laid_to_nothing(folder: Path) -> None:
     """In the pause the rod was driven back by 60 mm; held, its last command drives it ahead."""
     found = calibrate(folder / "dataset.yaml")

@@ -64,10 +64,11 @@ def with_onset(
         return topics
     (recording,) = topics
     read = [recording[name] for name in outputs if name in recording and name not in commands]
-    begun = [name for name in commands if name in recording and _is_on(recording[name])]
+    asked = {name: recording[name] for name in commands if name in recording}
+    begun = [name for name, values in asked.items() if _is_on(values)]
     if not read or not begun:
         return topics
-    unchanged = min(_unchanged(recording[name]) for name in commands if name in recording)
+    unchanged = min(_unchanged(asked[name]) for name in begun)
     time = recording.time
     period = float(np.median(np.diff(time)))
     standing = min(_standing(time[:unchanged], values[:unchanged]) for values in read)

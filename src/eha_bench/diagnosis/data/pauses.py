@@ -32,6 +32,8 @@ _FEWEST: Final = 20
 def parted_at_pauses(runs: Sequence[Run], taken: Sequence[str]) -> tuple[Run, ...]:
     """Return runs, those whose log pauses as one for each part of it.
 
+    A log stays whole where a part lacks a channel, as of a command that is logged on change.
+
     Args:
         runs: of a dataset. A log that cannot be read is left to whoever reads it next.
         taken: names that other runs have.
@@ -59,7 +61,7 @@ def _parts(run: Run) -> list[Run]:
         for start, stop in pairwise([-np.inf, *(stop for _, stop in edges), np.inf])
         if np.count_nonzero((stamps >= start) & (stamps < stop)) >= _FEWEST
     ]
-    if not edges or not spans:
+    if not edges or not spans or not all(_holds_all(topics, *span) for span in spans):
         return [run]
     note = Note(
         "nothing was logged for {longest:.3g} s from {start:.3g} s on, and what drove it then is "
@@ -76,6 +78,17 @@ def _parts(run: Run) -> list[Run]:
         )
         for (start, stop), notes in zip(spans, [(note,), *[()] * len(spans)], strict=False)
     ]
+
+
+def _holds_all(topics: Sequence[Recording], start: float, stop: float) -> bool:
+    """Whether a part reads all that its log reads: what is logged on change acts on after it."""
+    for topic in topics:
+        own = (topic.time >= start) & (topic.time < stop)
+        for values in topic.values.values():
+            there = np.isfinite(values)
+            if there.any() and not there[own].any():
+                return False
+    return True
 
 
 def pauses(stamps: FloatArray) -> list[tuple[float, float]]:
