@@ -22,9 +22,9 @@ from eha_bench.diagnosis.data.noise import quantum_of, sharp_noise_of
 from eha_bench.plants.channel_roles import ChannelRoles
 
 _MUCH: Final = 0.1
-"""Share of what a command goes through, or of its largest, from which it is on."""
+"""Share of a command's largest value from which it is on."""
 _SAME: Final = 1e-3
-"""What a command that rests changes by, as a share of that."""
+"""What a command that rests changes by, as a share of its largest value."""
 _FEWEST: Final = 4.0
 """Least time that the machine stands, in periods."""
 _FIRST: Final = 4

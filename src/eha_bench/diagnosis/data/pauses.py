@@ -8,8 +8,8 @@ would be laid to the machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import count, pairwise
 from typing import Final
 
@@ -69,15 +69,31 @@ def _parts(run: Run) -> list[Run]:
         longest=max(stop - start for start, stop in edges),
         start=edges[0][0] - float(stamps[0]),
     )
-    each_topic = run.by_topic is not None
-    return [
-        replace(
-            run,
-            reader=_part(run.read, start, stop, notes),
-            by_topic=_part_of_each(run.topics, start, stop, notes) if each_topic else None,
-        )
-        for (start, stop), notes in zip(spans, [(note,), *[()] * len(spans)], strict=False)
+    parts = [
+        _Part(run, start, stop, (note,) if number == 0 else ())
+        for number, (start, stop) in enumerate(spans)
     ]
+    return [replace(run, reader=part.read, by_topic=run.by_topic and part.topics) for part in parts]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Part of a run's log: its samples from `start` to before `stop`, s, and notes on it."""
+
+    run: Run
+    start: float
+    stop: float
+    notes: tuple[Note, ...]
+
+    def read(self) -> Recording:
+        return self._of(self.run.read())
+
+    def topics(self) -> tuple[Recording, ...]:
+        return tuple(self._of(item) for item in self.run.topics())
+
+    def _of(self, recording: Recording) -> Recording:
+        found = recording.between(self.start, self.stop)
+        return replace(found, notes=(*found.notes, *self.notes))
 
 
 def _holds_all(topics: Sequence[Recording], start: float, stop: float) -> bool:
@@ -102,23 +118,3 @@ def pauses(stamps: FloatArray) -> list[tuple[float, float]]:
         return []
     least = max(_PAUSE, _PERIODS * float(np.median(steps)))
     return [(float(stamps[k]), float(stamps[k + 1])) for k in np.flatnonzero(steps > least)]
-
-
-def _part(
-    read: Callable[[], Recording], start: float, stop: float, notes: tuple[Note, ...]
-) -> Callable[[], Recording]:
-    def part() -> Recording:
-        found = read().between(start, stop)
-        return replace(found, notes=(*found.notes, *notes))
-
-    return part
-
-
-def _part_of_each(
-    read: Callable[[], tuple[Recording, ...]], start: float, stop: float, notes: tuple[Note, ...]
-) -> Callable[[], tuple[Recording, ...]]:
-    def parts() -> tuple[Recording, ...]:
-        first, *others = (item.between(start, stop) for item in read())
-        return (replace(first, notes=(*first.notes, *notes)), *others)
-
-    return parts

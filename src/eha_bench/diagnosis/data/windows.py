@@ -383,15 +383,14 @@ def _begins_in_motion(measured: Measured, noise: Mapping[str, float]) -> bool:
     return any(abs(value) > spread for value, spread in filter(None, slopes))
 
 
-def steps_at_first(measured: Measured) -> dict[str, float]:
-    """Return the valves' commands that ask for much at a run's first sample, with their values."""
-    commands = [name for name in measured.roles.remembered if name in measured.inputs]
-    firsts = {name: float(measured.inputs[name][0]) for name in commands}
-    return {
-        name: value
-        for name, value in firsts.items()
-        if abs(value) > _STEP * float(np.ptp(measured.inputs[name]))
-    }
+def steps_at_first(measured: Measured) -> tuple[str, ...]:
+    """Return the valves' commands that ask for much at a run's first sample."""
+    commands = {name: measured.inputs.get(name) for name in measured.roles.remembered}
+    return tuple(
+        name
+        for name, own in commands.items()
+        if own is not None and abs(own[0]) > _STEP * float(np.ptp(own))
+    )
 
 
 def _turns_at_first(measured: Measured, noise: Mapping[str, float]) -> bool:

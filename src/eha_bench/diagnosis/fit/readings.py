@@ -278,20 +278,11 @@ def _whiten_each(
         out: (N,) changed.
     """
     for w in range(rows.size - 1):
-        residual = out[rows[w] : rows[w + 1]]
-        count = residual.size
-        columns = sizes[w + 1] - sizes[w]
-        shares = np.empty(columns)
-        for j in range(columns):
-            column = basis[begins[w] + j * count : begins[w] + (j + 1) * count]
-            along = 0.0
-            for r in range(count):
-                along += column[r] * residual[r]
-            shares[j] = along * shrink[sizes[w] + j]
-        for j in range(columns):
-            column = basis[begins[w] + j * count : begins[w] + (j + 1) * count]
-            for r in range(count):
-                residual[r] -= shares[j] * column[r]
+        _take(
+            basis[begins[w] : begins[w + 1]],
+            shrink[sizes[w] : sizes[w + 1]],
+            out[rows[w] : rows[w + 1]],
+        )
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
@@ -311,22 +302,29 @@ def _take_zeros(
         sizes: where its `shrink` begins. begins: where its basis does. basis: column by column.
         shrink: of all. out: (N,) changed.
     """
-    own = np.empty(max(1, np.max(np.diff(edges)) if edges.size > 1 else 1))
     for z in range(edges.size - 1):
-        count = edges[z + 1] - edges[z]
-        columns = sizes[z + 1] - sizes[z]
+        places = rows[edges[z] : edges[z + 1]]
+        own = out[places]
+        _take(basis[begins[z] : begins[z + 1]], shrink[sizes[z] : sizes[z + 1]], own)
+        out[places] = own
+
+
+@njit(fastmath={"reassoc", "contract"})
+def _take(basis: FloatArray, shrink: FloatArray, residual: FloatArray) -> None:
+    """Take U (s U' r) from a residual r.
+
+    Args:
+        basis: U, column by column. shrink: (k,) s. residual: (n,) changed.
+    """
+    count = residual.size
+    shares = np.empty(shrink.size)
+    for j in range(shrink.size):
+        column = basis[j * count : (j + 1) * count]
+        along = 0.0
         for r in range(count):
-            own[r] = out[rows[edges[z] + r]]
-        shares = np.empty(columns)
-        for j in range(columns):
-            column = basis[begins[z] + j * count : begins[z] + (j + 1) * count]
-            along = 0.0
-            for r in range(count):
-                along += column[r] * own[r]
-            shares[j] = along * shrink[sizes[z] + j]
-        for j in range(columns):
-            column = basis[begins[z] + j * count : begins[z] + (j + 1) * count]
-            for r in range(count):
-                own[r] -= shares[j] * column[r]
+            along += column[r] * residual[r]
+        shares[j] = along * shrink[j]
+    for j in range(shrink.size):
+        column = basis[j * count : (j + 1) * count]
         for r in range(count):
-            out[rows[edges[z] + r]] = own[r]
+            residual[r] -= shares[j] * column[r]

@@ -278,8 +278,8 @@ def _prediction_of(
     derived = plant.derived(model.vector(), columns)
     columns |= {n: v for n, v in derived.items() if n in recording and n not in measured.inputs}
     errors = _errors(columns, measured, sampled.recording)
-    apart = sampled.is_of_several or len(sampled.recording) != len(recording)
-    if apart or sampled.logged is not None:
+    # of one topic, ticks with rows that were lost or put in before the first
+    if sampled.is_of_several or len(sampled.recording) != len(recording):
         columns = _at_stamps(columns, sampled.recording, recording)
     notes = measured.notes + start.notes
     if _anchors(measured, model, start.state, STEP) and measured.turning:
