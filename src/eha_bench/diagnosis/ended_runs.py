@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Final
 
 from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.corrected_map import with_corrected_map
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.pauses import parted_at_pauses
 from eha_bench.diagnosis.fit.baseline import (
@@ -34,7 +35,8 @@ _LOUD: Final = 1.5
 def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
     """Calibrate; where the delay of a training run jumps, once more with that run up to there.
 
-    The parts of a training log that pauses are runs of their own.
+    The parts of a training log that pauses are runs of their own, and channels whose map is plainly
+    mistaken are read the other way.
 
     Raises:
         InputError: nothing to calibrate with.
@@ -44,14 +46,15 @@ def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress)
     base = calibrated_baseline(dataset, progress)
     if base.fit.cost < _LOUD * SOFT_MEAN * base.problem.size:
         return base
+    base = with_corrected_map(base, progress)
     try:
         ends, notes = _ends(base)
     except KeyboardInterrupt as stop:
         raise CalibrationInterrupted(base) from stop
     if not ends:
         return base
-    runs = tuple(replace(run, until=ends.get(run.name, run.until)) for run in dataset.runs)
-    again = calibrated_baseline(replace(dataset, runs=runs), progress)
+    runs = tuple(replace(run, until=ends.get(run.name, run.until)) for run in base.dataset.runs)
+    again = calibrated_baseline(replace(base.dataset, runs=runs), progress)
     return replace(again, notes=(*again.notes, *notes))
 
 

@@ -197,6 +197,7 @@ class Dataset:
         runs: all runs, in the order of the file.
         source: the file, for messages. inputs_at: where it names its inputs.
         computed: channels that are computed in every run, by name.
+        notes: what is read otherwise than the files say, one sentence each.
     """
 
     model: Model
@@ -205,6 +206,7 @@ class Dataset:
     source: str = ""
     inputs_at: Place = field(default_factory=Place)
     computed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def training(self) -> tuple[Run, ...]:

@@ -142,7 +142,7 @@ def gather(
         )
     windows = [window for item in measured for window in cut_windows(item, noise)]
     windows = thinned_windows(windows)
-    notes = [f"a training run is left out: {error}" for error in unread]
+    notes = [*dataset.notes, *(f"a training run is left out: {error}" for error in unread)]
     ends = plant.position_range(dataset.model.vector())
     notes += beyond_ends(measured, ends, plant.units)
     notes += [

@@ -1,0 +1,127 @@
+"""Mistakes of a channel map that readings show: an opposite sign, two channels for one another.
+
+They are mistakes of the log's description, not of the machine: no effect of the plant explains
+them, and a fit that tries bends every parameter. Readings are corrected as a log is read, so held
+out runs are corrected as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import Dataset, Run
+
+
+class Correction(Protocol):
+    """What readings become, and which channels it concerns."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that are read otherwise."""
+        ...
+
+    def of(self, recording: Recording) -> Recording:
+        """Return a recording with the channels that it has of them corrected."""
+        ...
+
+    def note(self, factor: float, where: str) -> str:
+        """Say what is read otherwise, by what factor the error falls with it, and where to mend it.
+
+        Args:
+            factor: of the error. where: files that say how these channels are read.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Reversed:
+    """Channels of the opposite sign.
+
+    Attributes:
+        sums: channels, each with what a reading and the reversed one add up to, SI: 0 where the
+            sign alone is the other one, both ends where a position counts from the other end.
+    """
+
+    sums: tuple[tuple[str, float], ...]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that are reversed."""
+        return tuple(name for name, _ in self.sums)
+
+    def of(self, recording: Recording) -> Recording:
+        """Return a recording with these channels reversed."""
+        values = recording.values
+        reverse = {name: total - values[name] for name, total in self.sums if name in values}
+        return replace(recording, values={**values, **reverse})
+
+    def note(self, factor: float, where: str) -> str:
+        """Say that the sign is the other one, and what to look at."""
+        names = "' and '".join(self.channels)
+        return (
+            f"CAUTION: opposite sign of '{names}': read reversed, as here, the error is "
+            f"{factor:.3g} times smaller; correct `scale` in {where}"
+        )
+
+
+@dataclass(frozen=True)
+class Exchanged:
+    """Two channels that are read for one another."""
+
+    first: str
+    second: str
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Both channels."""
+        return (self.first, self.second)
+
+    def of(self, recording: Recording) -> Recording:
+        """Return a recording with each of the two under the other's name."""
+        names = {self.first: self.second, self.second: self.first}
+        values = {names.get(name, name): column for name, column in recording.values.items()}
+        return replace(recording, values=values)
+
+    def note(self, factor: float, where: str) -> str:
+        """Say that they stand for one another, and what to look at."""
+        return (
+            f"CAUTION: '{self.first}' and '{self.second}' are exchanged: each read as the other, "
+            f"as here, the error is {factor:.3g} times smaller; correct {where}"
+        )
+
+
+@dataclass(frozen=True)
+class _CorrectedLog:
+    """A run's log as it is read with a correction."""
+
+    run: Run
+    correction: Correction
+
+    def read(self) -> Recording:
+        return self.correction.of(self.run.read())
+
+    def topics(self) -> tuple[Recording, ...]:
+        return tuple(self.correction.of(item) for item in self.run.topics())
+
+
+def corrected(
+    dataset: Dataset, correction: Correction, right: Collection[Path | None] = ()
+) -> Dataset:
+    """Return a dataset whose runs are read with a correction.
+
+    Args:
+        dataset: to correct. correction: of its channels.
+        right: channel maps that are right as they are.
+    """
+    runs = []
+    for run in dataset.runs:
+        if run.channels in right:
+            runs.append(run)
+            continue
+        log = _CorrectedLog(run, correction)
+        runs.append(replace(run, reader=log.read, by_topic=run.by_topic and log.topics))
+    return replace(dataset, runs=tuple(runs))
