@@ -111,6 +111,7 @@ class Problem:
         noise: channel -> standard deviation; channels without are not compared.
         step: largest integration step, s.
         beliefs: of parameters; each is one more row, behind those of the windows.
+        stretch: how many times as long every step may be (`stretched_steps`).
     """
 
     def __init__(
@@ -120,11 +121,13 @@ class Problem:
         noise: Mapping[str, float],
         step: float,
         beliefs: Sequence[Belief] = (),
+        stretch: float = 1.0,
     ) -> None:
         self.plant = plant
         self.windows = tuple(windows)
         self.noise = dict(noise)
         self.step = step
+        self.stretch = stretch
         self.soft = 1.0
         self.beliefs = tuple(beliefs)
         self._defect: FloatArray | None = None
@@ -159,7 +162,8 @@ class Problem:
     def subset(self, keep: Sequence[int]) -> Problem:
         """Return the problem over some of the windows; start-state bases are shared."""
         other = object.__new__(Problem)
-        other.plant, other.noise, other.step = self.plant, self.noise, self.step
+        other.plant, other.noise = self.plant, self.noise
+        other.step, other.stretch = self.step, self.stretch
         other.soft, other.beliefs = self.soft, self.beliefs
         other._defect = None
         other._outputs = self._outputs
@@ -201,6 +205,17 @@ class Problem:
         other.step = step
         return other
 
+    def stretched(self, stretch: float) -> Problem:
+        """Return the same problem with every step so many times as long; bases are shared."""
+        other = self.subset(range(len(self.windows)))
+        other.stretch = stretch
+        return other
+
+    @property
+    def longest_step(self) -> float:
+        """The longest step that is simulated, s."""
+        return self.step * self.stretch
+
     def at_angles(self, starts: Mapping[str, StartAngle]) -> Problem:
         """Return the same problem with the shaft at other angles where runs begin, by run's name.
 
@@ -231,7 +246,7 @@ class Problem:
 
     def over(self, windows: Sequence[Window]) -> Problem:
         """Return the same over other windows; it needs `prepare`."""
-        other = Problem(self.plant, windows, self.noise, self.step, self.beliefs)
+        other = Problem(self.plant, windows, self.noise, self.step, self.beliefs, self.stretch)
         other.soft = self.soft
         return other
 
@@ -245,7 +260,7 @@ class Problem:
 
     def with_noise(self, noise: Mapping[str, float]) -> Problem:
         """Return the same windows weighted by another noise; it needs `prepare`."""
-        other = Problem(self.plant, self.windows, noise, self.step, self.beliefs)
+        other = Problem(self.plant, self.windows, noise, self.step, self.beliefs, self.stretch)
         for own, part in zip(self._parts, other._parts, strict=True):
             if own.pick.size != part.pick.size:
                 continue
@@ -380,7 +395,7 @@ class Problem:
             ]
             starts += [start, *moved]
             which += [number] * (1 + len(moved))
-        simulated = plant.simulate_each(drives, which, starts, self.step)
+        simulated = plant.simulate_each(drives, which, starts, self.longest_step)
         windows = np.array(which)
         left = iter(readings.each(readings.left(simulated, windows, in_run.lateness), windows))
         found = []
@@ -541,7 +556,7 @@ class Problem:
         parts = [self._parts[k] for k in group.members]
         plant = in_run.plant_of(parts[0])
         starts = self._starts(parts, group.drives, plant)
-        return plant.simulate_each(group.drives, range(len(parts)), starts, self.step)
+        return plant.simulate_each(group.drives, range(len(parts)), starts, self.longest_step)
 
     def _left(
         self, vector: FloatArray, function: Callable[[WindowGroup, FloatArray], FloatArray]
@@ -644,7 +659,7 @@ class Problem:
         plant = in_run.plant_of(part)
         laid_out = Drives(tuple(drives))
         starts = self._starts([part] * len(drives), laid_out, plant)
-        simulated = plant.simulate_each(laid_out, range(len(drives)), starts, self.step)
+        simulated = plant.simulate_each(laid_out, range(len(drives)), starts, self.longest_step)
         windows = np.zeros(len(drives), dtype=np.intp)
         return readings.each(readings.left(simulated, windows, in_run.lateness), windows)
 

@@ -34,7 +34,9 @@ def medium_problem(problem: Problem, length: float = WINDOW) -> Problem:
         most = max(2, round(share / length), round(_BUDGET_TICKS / len(runs) / size))
         places = _evenly(np.arange(0, time.size - size, size), most)
         windows += [window_at(measured, int(k), int(k) + size, problem.noise) for k in places]
-    return Problem(problem.plant, windows, problem.noise, problem.step, problem.beliefs)
+    return Problem(
+        problem.plant, windows, problem.noise, problem.step, problem.beliefs, problem.stretch
+    )
 
 
 def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[Problem, float]:
@@ -59,7 +61,7 @@ def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[P
     windows = [
         w for measured in runs for w in _aligned_windows(problem, measured, period, length, most)
     ]
-    whole = Problem(problem.plant, windows, problem.noise, problem.step)
+    whole = Problem(problem.plant, windows, problem.noise, problem.step, stretch=problem.stretch)
     whole.prepare(vector)
     left = np.minimum(
         _mean_squares(whole, vector, windows), _mean_squares(problem, vector, windows)
@@ -70,7 +72,11 @@ def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[P
     even = _evenly(np.arange(len(windows)), count // 2)
     left[even] = -np.inf
     chosen = np.sort(np.concatenate([even, np.argsort(-left, kind="stable")[: count - even.size]]))
-    return Problem(problem.plant, [windows[k] for k in chosen], problem.noise, problem.step), period
+    own = [windows[k] for k in chosen]
+    return (
+        Problem(problem.plant, own, problem.noise, problem.step, stretch=problem.stretch),
+        period,
+    )
 
 
 def _aligned_windows(
