@@ -9,12 +9,15 @@ everything is calibrated anew: the mistake is one where most of the error goes w
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.errors import InputError
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.baseline import (
     Baseline,
@@ -24,9 +27,19 @@ from eha_bench.diagnosis.fit.baseline import (
 from eha_bench.diagnosis.fit.channel_mistakes import Suspect, suspects
 
 _LEFT: Final = 0.1
-"""Most of the mean square error that may be left without a mistake."""
+"""Largest share of the mean square error that a correction leaves."""
 _AS_GOOD: Final = 1.5
-"""Error over that of the best correction up to which another does as well."""
+"""Mean square error over that of the best correction up to which another does as well."""
+_WORSE: Final = 2.0
+"""Mean square error of a channel over what it was, from which a correction spoils it."""
+
+
+class _Corrected(NamedTuple):
+    """A correction, the calibration with it, and the share of the mean square error it leaves."""
+
+    suspect: Suspect
+    base: Baseline
+    left: float
 
 
 def with_corrected_map(base: Baseline, progress: ProgressHook) -> Baseline:
@@ -37,37 +50,52 @@ def with_corrected_map(base: Baseline, progress: ProgressHook) -> Baseline:
         progress: called with the stage and the fraction of it done.
 
     Raises:
-        CalibrationInterrupted: Ctrl-C; with the calibration as it was.
+        CalibrationInterrupted: Ctrl-C; with the best calibration so far.
     """
+    found: list[_Corrected] = []
     try:
-        found = [_calibrated(base, item, progress) for item in suspects(base)]
-    except (CalibrationInterrupted, KeyboardInterrupt) as stop:
-        raise CalibrationInterrupted(base) from stop
-    helping = [item for item in found if item[2] < _LEFT]
+        for suspect in suspects(base):
+            # a reading that cannot be fitted is no better one
+            with suppress(InputError):
+                other = calibrated_baseline(suspect.corrects(base.dataset), progress)
+                found.append(_Corrected(suspect, other, _left(base, other)))
+    except KeyboardInterrupt as stop:
+        raise CalibrationInterrupted(_best(base, found)) from stop
+    return _best(base, found)
+
+
+def _best(base: Baseline, found: Sequence[_Corrected]) -> Baseline:
+    """Return the calibration of the correction that explains the error, or as it was."""
+    helping = [item for item in found if item.left < _LEFT]
     if not helping:
         return base
-    least = min(left for _, _, left in helping)
-    as_good = [item for item in helping if item[2] <= _AS_GOOD * least]
-    as_good.sort(key=lambda item: len(item[0].correction.channels))
-    (suspect, other, left), *others = as_good
-    note = suspect.correction.note(1.0 / math.sqrt(left), suspect.where(base.dataset))
-    if others:
-        names = " or ".join(f"'{', '.join(item.correction.channels)}'" for item, _, _ in others)
-        note += f"; {names} read the other way would do as well"
-    dataset = replace(other.dataset, notes=(*other.dataset.notes, note))
-    return replace(other, dataset=dataset, notes=(note, *other.notes))
+    least = min(item.left for item in helping)
+    as_good = [item for item in helping if item.left <= _AS_GOOD * least]
+    as_good.sort(key=lambda item: (len(item.suspect.correction.channels), item.left))
+    best, *others = as_good
+    note = best.suspect.correction.note(1.0 / math.sqrt(best.left), best.suspect.where)
+    words = dict.fromkeys(item.suspect.correction.words for item in others)
+    words.pop(best.suspect.correction.words, None)  # in other maps
+    if words:
+        note += f"; {' or '.join(words)} would do as well"
+    dataset = replace(best.base.dataset, notes=(*best.base.dataset.notes, note))
+    return replace(best.base, dataset=dataset, notes=(note, *best.base.notes))
 
 
-def _calibrated(
-    base: Baseline, suspect: Suspect, progress: ProgressHook
-) -> tuple[Suspect, Baseline, float]:
-    """Return a suspect, the calibration without the mistake, and the share of the error left."""
-    other = calibrated_baseline(suspect.corrects(base.dataset), progress)
+def _left(base: Baseline, other: Baseline) -> float:
+    """Return the share of the mean square error that another calibration leaves.
+
+    All of it where it loses a channel or a run, or spoils a channel.
+    """
     before, after = _errors(base), _errors(other)
     noise = base.problem.noise
-    shared = before.keys() & after.keys()
-    left = sum(after[name] / noise[name] ** 2 for name in shared)
-    return suspect, other, left / sum(before[name] / noise[name] ** 2 for name in shared)
+    if not before or not before.keys() <= after.keys() or len(other.left_out) > len(base.left_out):
+        return 1.0
+    if any(after[name] > _WORSE * before[name] + noise[name] ** 2 for name in before):
+        return 1.0
+    return sum(after[name] / noise[name] ** 2 for name in before) / sum(
+        before[name] / noise[name] ** 2 for name in before
+    )
 
 
 def _errors(base: Baseline) -> Mapping[str, float]:
@@ -75,10 +103,10 @@ def _errors(base: Baseline) -> Mapping[str, float]:
     problem = base.problem
     residual = problem.in_readings(base.fit.residual)
     names = problem.plant.outputs
-    squares: dict[str, list[float]] = {}
+    squares: dict[str, list[FloatArray]] = {}
     for piece in problem.pieces:
         rows = residual[piece.rows]
         for channel, mask in piece.by_channel():
             name = names[channel]
-            squares.setdefault(name, []).extend((rows[mask] * problem.noise[name]) ** 2)
-    return {name: float(np.mean(own)) for name, own in squares.items()}
+            squares.setdefault(name, []).append((rows[mask] * problem.noise[name]) ** 2)
+    return {name: float(np.mean(np.concatenate(own))) for name, own in squares.items()}

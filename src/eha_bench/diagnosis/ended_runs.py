@@ -44,9 +44,11 @@ def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress)
     """
     dataset = _parted(dataset)
     base = calibrated_baseline(dataset, progress)
-    if base.fit.cost < _LOUD * SOFT_MEAN * base.problem.size:
+    if not _is_loud(base):
         return base
     base = with_corrected_map(base, progress)
+    if not _is_loud(base):
+        return base
     try:
         ends, notes = _ends(base)
     except KeyboardInterrupt as stop:
@@ -56,6 +58,11 @@ def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress)
     runs = tuple(replace(run, until=ends.get(run.name, run.until)) for run in base.dataset.runs)
     again = calibrated_baseline(replace(base.dataset, runs=runs), progress)
     return replace(again, notes=(*again.notes, *notes))
+
+
+def _is_loud(base: Baseline) -> bool:
+    """Whether a calibration leaves more than noise in which something may be hidden."""
+    return base.fit.cost >= _LOUD * SOFT_MEAN * base.problem.size
 
 
 def _parted(dataset: Dataset) -> Dataset:

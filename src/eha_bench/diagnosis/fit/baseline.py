@@ -44,7 +44,7 @@ from eha_bench.diagnosis.fit.settled import settled_fit
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
 from eha_bench.diagnosis.fit.starts import MultistartFit, best_fit_of_starts
 from eha_bench.diagnosis.fit.steady_windows import steady_problem, unsteady_notes
-from eha_bench.diagnosis.fit.stretched_steps import with_stretched_steps
+from eha_bench.diagnosis.fit.stretched_steps import is_stiffer, with_stretched_steps
 from eha_bench.diagnosis.fit.telling_windows import note_of, telling_windows
 
 STEP = 2e-4
@@ -328,19 +328,18 @@ def _roughly(
     """Return the residual of the declared model, and where first fits end with their problem."""
     rough = Problem(dataset.model.plant, windows, noise, COARSE, beliefs_of(dataset.model))
     vector = rough.places.lengthened(dataset.model.vector())
-    usual = rough
-    rough = with_stretched_steps(usual, vector)
-    rough.prepare(vector)
-    first = rough.residual(vector)
-    rough.scale_to(first)
-    free = free_parameters(rough.places, _keys(dataset, rough), vector)
-    arrival = best_fit_of_starts(rough, vector, free, best.append)
-    there = with_stretched_steps(usual, arrival.fit.vector, rough.stretch)
-    if there.stretch < rough.stretch:
-        # a machine that is stiffer than declared
-        rough = rough.stretched(there.stretch)
-        fit = levenberg_marquardt(rough, arrival.fit.vector, arrival.fit.free)
-        arrival = replace(arrival, fit=fit)
+    long = with_stretched_steps(rough, vector)
+    long.prepare(vector)
+    first = long.residual(vector)
+    long.scale_to(first)
+    free = free_parameters(long.places, _keys(dataset, long), vector)
+    arrival = best_fit_of_starts(long, vector, free, best.append)
+    if is_stiffer(rough, long, arrival.fit):
+        rough.prepare(vector)
+        rough.scale_to(first)
+        arrival = best_fit_of_starts(rough, vector, free, best.append)
+    else:
+        rough = long
     rough.scale_to(arrival.fit.residual)
     return first, rough, arrival
 

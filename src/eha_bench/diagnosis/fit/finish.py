@@ -61,8 +61,8 @@ def fine_enough(problem: Problem, vector: FloatArray) -> Problem:
     """
     noise = SOFT_MEAN * problem.size
     cost = cost_of(problem, vector)
-    while problem.step > FINEST:
-        finer = problem.at_step(0.5 * problem.step)
+    while problem.longest_step > FINEST:
+        finer = problem.halved()
         other = cost_of(finer, vector)
         if abs(cost - other) < max(_LITTLE * noise, _SHARE * (other - noise)):
             return problem

@@ -211,6 +211,15 @@ class Problem:
         other.stretch = stretch
         return other
 
+    def halved(self) -> Problem:
+        """Return the same problem at half the step; what it is stretched by goes first.
+
+        Coarser steps of the problem that is returned are stretched as little.
+        """
+        if self.stretch > 1.0:
+            return self.stretched(max(0.5 * self.stretch, 1.0))
+        return self.at_step(0.5 * self.step)
+
     @property
     def longest_step(self) -> float:
         """The longest step that is simulated, s."""

@@ -62,7 +62,7 @@ def rebase(search: Search) -> None:
 def refine(search: Search, vector: FloatArray) -> None:
     """Integrate as finely as a vector asks for, with the search's fit as it is there."""
     problem = fine_enough(search.problem, vector)
-    if problem.step == search.problem.step:
+    if problem.longest_step == search.problem.longest_step:
         return
     search.problem = problem
     search.fit = weighed_again(problem, search.fit)

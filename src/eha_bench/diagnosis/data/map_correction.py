@@ -7,7 +7,7 @@ out runs are corrected as well.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -16,12 +16,17 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, Run
 
 
-class Correction(Protocol):
+class MapCorrection(Protocol):
     """What readings become, and which channels it concerns."""
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Channels that are read otherwise."""
+        ...
+
+    @property
+    def words(self) -> str:
+        """How its channels are read."""
         ...
 
     def of(self, recording: Recording) -> Recording:
@@ -53,6 +58,11 @@ class Reversed:
         """Channels that are reversed."""
         return tuple(name for name, _ in self.sums)
 
+    @property
+    def words(self) -> str:
+        """That they are reversed."""
+        return f"{_quoted(self.channels)} reversed"
+
     def of(self, recording: Recording) -> Recording:
         """Return a recording with these channels reversed."""
         values = recording.values
@@ -61,10 +71,11 @@ class Reversed:
 
     def note(self, factor: float, where: str) -> str:
         """Say that the sign is the other one, and what to look at."""
-        names = "' and '".join(self.channels)
+        ends = any(total != 0.0 for _, total in self.sums)
+        keys = "`scale` and `offset`" if ends else "`scale`"
         return (
-            f"CAUTION: opposite sign of '{names}': read reversed, as here, the error is "
-            f"{factor:.3g} times smaller; correct `scale` in {where}"
+            f"CAUTION: opposite sign of {_quoted(self.channels)}: read reversed, as here, the "
+            f"error is {factor:.3g} times smaller; correct {keys} in {where}"
         )
 
 
@@ -79,6 +90,11 @@ class Exchanged:
     def channels(self) -> tuple[str, ...]:
         """Both channels."""
         return (self.first, self.second)
+
+    @property
+    def words(self) -> str:
+        """That they are exchanged."""
+        return f"{_quoted(self.channels)} exchanged"
 
     def of(self, recording: Recording) -> Recording:
         """Return a recording with each of the two under the other's name."""
@@ -99,7 +115,7 @@ class _CorrectedLog:
     """A run's log as it is read with a correction."""
 
     run: Run
-    correction: Correction
+    correction: MapCorrection
 
     def read(self) -> Recording:
         return self.correction.of(self.run.read())
@@ -109,19 +125,22 @@ class _CorrectedLog:
 
 
 def corrected(
-    dataset: Dataset, correction: Correction, right: Collection[Path | None] = ()
+    dataset: Dataset, correction: MapCorrection, wrong: Collection[Path | None]
 ) -> Dataset:
-    """Return a dataset whose runs are read with a correction.
+    """Return a dataset of which some runs are read with a correction.
 
     Args:
-        dataset: to correct. correction: of its channels.
-        right: channel maps that are right as they are.
+        dataset: to correct. correction: of its channels. wrong: channel maps of these runs.
     """
     runs = []
     for run in dataset.runs:
-        if run.channels in right:
+        if run.channels not in wrong:
             runs.append(run)
             continue
         log = _CorrectedLog(run, correction)
         runs.append(replace(run, reader=log.read, by_topic=run.by_topic and log.topics))
     return replace(dataset, runs=tuple(runs))
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return " and ".join(f"'{name}'" for name in names)
