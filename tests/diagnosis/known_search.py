@@ -93,6 +93,13 @@ class LinearProblem:
         other.step = step
         return other
 
+    def halved(self) -> LinearProblem:
+        return self.at_step(0.5 * self.step)
+
+    @property
+    def longest_step(self) -> float:
+        return self.step
+
     def with_noise(self, noise: Mapping[str, float]) -> LinearProblem:
         other = copy(self)
         other.noise = dict(noise)

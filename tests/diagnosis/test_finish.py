@@ -28,6 +28,13 @@ class Stepped:
     def at_step(self, step: float) -> Stepped:
         return Stepped(self.error, step)
 
+    def halved(self) -> Stepped:
+        return self.at_step(0.5 * self.step)
+
+    @property
+    def longest_step(self) -> float:
+        return self.step
+
     def residual(self, vector: np.ndarray) -> np.ndarray:
         return NOISE + COLUMN * (vector[0] + self.error * self.step)
 
