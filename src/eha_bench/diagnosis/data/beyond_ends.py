@@ -13,9 +13,9 @@ import numpy as np
 
 from eha_bench.diagnosis.data.measured import Measured
 
-_BEYOND: Final = 0.03
+BEYOND: Final = 0.03
 """Share of the way between both ends by which readings may be beyond them: ends give way."""
-_OFTEN: Final = 0.01
+OFTEN: Final = 0.01
 """Share of the readings that are beyond before anything is noted: single ones are outliers."""
 
 
@@ -31,7 +31,7 @@ def beyond_ends(
     for channel, (low, high) in ends.items():
         if not np.isfinite(high - low):
             continue
-        room = _BEYOND * (high - low)
+        room = BEYOND * (high - low)
         found = []
         for run in runs:
             if channel not in run.outputs:
@@ -39,7 +39,7 @@ def beyond_ends(
             place = run.outputs.index(channel)
             values = run.values[run.valid[:, place], place]
             beyond = (values < low - room) | (values > high + room)
-            if values.size and np.mean(beyond) > _OFTEN:
+            if values.size and np.mean(beyond) > OFTEN:
                 found.append((run.run.name, float(values.min()), float(values.max())))
         if found:
             names, lows, highs = zip(*found, strict=True)

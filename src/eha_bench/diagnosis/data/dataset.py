@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -160,6 +160,11 @@ class Run:
         """
         return (self.reader(),) if self.by_topic is None else self.by_topic()
 
+    def read_with(self, change: Callable[[Recording], Recording]) -> Run:
+        """Return the same run with a change of each recording that is read of it."""
+        log = _ChangedLog(self, change)
+        return replace(self, reader=log.read, by_topic=self.by_topic and log.topics)
+
     def vector(self, layout: Layout, vector: FloatArray) -> FloatArray:
         """Return the plant's parameters as they are in this run, (layout.size,), SI.
 
@@ -185,6 +190,20 @@ class Run:
             if place < vector.size:
                 out[layout.index[key]] = vector[place]
         return out
+
+
+@dataclass(frozen=True)
+class _ChangedLog:
+    """A run's log as it is read with a change; it can be sent to workers."""
+
+    run: Run
+    change: Callable[[Recording], Recording]
+
+    def read(self) -> Recording:
+        return self.change(self.run.read())
+
+    def topics(self) -> tuple[Recording, ...]:
+        return tuple(self.change(item) for item in self.run.topics())
 
 
 @dataclass(frozen=True)

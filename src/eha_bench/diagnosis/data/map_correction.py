@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.data.dataset import Dataset, Run
+from eha_bench.diagnosis.data.dataset import Dataset
 
 
 class MapCorrection(Protocol):
@@ -110,20 +110,6 @@ class Exchanged:
         )
 
 
-@dataclass(frozen=True)
-class _CorrectedLog:
-    """A run's log as it is read with a correction."""
-
-    run: Run
-    correction: MapCorrection
-
-    def read(self) -> Recording:
-        return self.correction.of(self.run.read())
-
-    def topics(self) -> tuple[Recording, ...]:
-        return tuple(self.correction.of(item) for item in self.run.topics())
-
-
 def corrected(
     dataset: Dataset, correction: MapCorrection, wrong: Collection[Path | None]
 ) -> Dataset:
@@ -132,13 +118,7 @@ def corrected(
     Args:
         dataset: to correct. correction: of its channels. wrong: channel maps of these runs.
     """
-    runs = []
-    for run in dataset.runs:
-        if run.channels not in wrong:
-            runs.append(run)
-            continue
-        log = _CorrectedLog(run, correction)
-        runs.append(replace(run, reader=log.read, by_topic=run.by_topic and log.topics))
+    runs = [run.read_with(correction.of) if run.channels in wrong else run for run in dataset.runs]
     return replace(dataset, runs=tuple(runs))
 
 

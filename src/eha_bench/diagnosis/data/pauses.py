@@ -69,29 +69,21 @@ def _parts(run: Run) -> list[Run]:
         longest=max(stop - start for start, stop in edges),
         start=edges[0][0] - float(stamps[0]),
     )
-    parts = [
-        _Part(run, start, stop, (note,) if number == 0 else ())
+    return [
+        run.read_with(_Part(start, stop, (note,) if number == 0 else ()).of)
         for number, (start, stop) in enumerate(spans)
     ]
-    return [replace(run, reader=part.read, by_topic=run.by_topic and part.topics) for part in parts]
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Part of a run's log: its samples from `start` to before `stop`, s, and notes on it."""
+    """Part of a log: its samples from `start` to before `stop`, s, and notes on it."""
 
-    run: Run
     start: float
     stop: float
     notes: tuple[Note, ...]
 
-    def read(self) -> Recording:
-        return self._of(self.run.read())
-
-    def topics(self) -> tuple[Recording, ...]:
-        return tuple(self._of(item) for item in self.run.topics())
-
-    def _of(self, recording: Recording) -> Recording:
+    def of(self, recording: Recording) -> Recording:
         found = recording.between(self.start, self.stop)
         return replace(found, notes=(*found.notes, *self.notes))
 

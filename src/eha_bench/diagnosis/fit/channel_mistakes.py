@@ -20,6 +20,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
+from eha_bench.diagnosis.data.beyond_ends import BEYOND, OFTEN
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.map_correction import (
     Exchanged,
@@ -51,8 +52,6 @@ _OVERLAP: Final = 0.3
 """Least share of the readings that still have a simulation so much earlier."""
 _ABSOLUTE: Final = ("Pa", "K")
 """Units of what is never below zero."""
-_BEYOND, _OFTEN = 0.03, 0.01
-"""Share of a stroke, and of readings, that may be beyond its ends (`beyond_ends`)."""
 
 
 @dataclass(frozen=True)
@@ -269,7 +268,7 @@ def _reversals(base: Baseline, names: Sequence[str]) -> Iterator[Reversed]:
             continue
         read = np.concatenate(columns)
         totals = dict.fromkeys((0.0, low + high))
-        found = tuple(t for t in totals if _share_within(t - read, low, high) > 1.0 - _OFTEN)
+        found = tuple(t for t in totals if _share_within(t - read, low, high) > 1.0 - OFTEN)
         possible.append(found or (0.0,))
     for sums in product(*possible):
         yield Reversed(tuple(zip(names, sums, strict=True)))
@@ -278,5 +277,5 @@ def _reversals(base: Baseline, names: Sequence[str]) -> Iterator[Reversed]:
 def _share_within(values: FloatArray, low: float, high: float) -> float:
     """Return the share of finite values between two ends, and a little beyond them."""
     finite = values[np.isfinite(values)]
-    room = _BEYOND * (high - low)
+    room = BEYOND * (high - low)
     return float(np.mean((finite > low - room) & (finite < high + room))) if finite.size else 0.0

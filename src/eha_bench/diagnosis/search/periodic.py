@@ -139,11 +139,7 @@ class Wave:
 def in_parts(problem: Problem, length: float) -> Problem:
     """Return a problem with its windows cut into parts of about a length in s, not yet prepared."""
     parts = [part for window in problem.windows for part in split(window, length)]
-    other = Problem(
-        problem.plant, parts, problem.noise, problem.step, problem.beliefs, problem.stretch
-    )
-    other.soft = problem.soft
-    return other
+    return problem.over(parts)
 
 
 def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) -> list[Wave]:
