@@ -118,8 +118,9 @@ def test_an_effect_that_leaves_noise_is_the_verdict() -> None:
     assert (told.verdict, told.unknown, told.learned) == (Verdict.EFFECT, None, False)
     assert told.fit.cost == 2.0
     assert told.notes == (
-        REFUSED.note, "the error that remains is 1.0 % above the noise (50.0 % before)",
-    )  # fmt: skip
+        REFUSED.note,
+        "the mean square error that remains is 1.0 % above the noise's (50.0 % before)",
+    )
 
 
 @pytest.mark.parametrize(("rest", "whole"), [(0.25, True), (0.2501, False)])
@@ -358,7 +359,10 @@ def test_a_search_is_asked_for_by_its_shares_not_its_sizes() -> None:
     state = search(0.5, replace(beyond(0.0, 1.0), total=-40.0), found("backlash"))
     told = verdict(state)
     assert told.verdict is Verdict.EFFECT
-    assert told.notes[1] == "the error that remains is 0.0 % above the noise (50.0 % before)"
+    assert (
+        told.notes[1]
+        == "the mean square error that remains is 0.0 % above the noise's (50.0 % before)"
+    )
 
 
 @pytest.mark.parametrize(
@@ -367,11 +371,17 @@ def test_a_search_is_asked_for_by_its_shares_not_its_sizes() -> None:
         (
             0.1,
             622.0,
-            "the error that remains is 10.0 % above the noise (623 times the noise before)",
+            "the mean square error that remains is 10.0 % above the noise's "
+            "(623 times the noise's before)",
         ),
-        (9.0, 20.5, "the error that remains is 10 times the noise (21.5 times the noise before)"),
-        (8.99, 8.99, "the error is 899.0 % above the noise"),
-        (3.61e6, 3.61e6, "the error is 3.61e+06 times the noise"),
+        (
+            9.0,
+            20.5,
+            "the mean square error that remains is 10 times the noise's "
+            "(21.5 times the noise's before)",
+        ),
+        (8.99, 8.99, "the mean square error is 899.0 % above the noise's"),
+        (3.61e6, 3.61e6, "the mean square error is 3.61e+06 times the noise's"),
     ],
 )
 def test_what_remains_is_counted_so_that_it_can_be_read(

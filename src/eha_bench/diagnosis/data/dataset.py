@@ -107,9 +107,9 @@ class DatasetFile(StrictModel):
         list[str],
         Field(
             default_factory=lambda: ["current_command"],
-            min_length=1,
             description="measured signals that drive the model; also states. Where it is left out, "
-            "current_command, the plant's own command, or all inputs of one without any",
+            "current_command, the plant's own command, or all inputs of one without any; [] where "
+            "nothing drives it, as in a free fall or a coast-down",
         ),
     ]
     runs: Annotated[list[RunEntry], Field(min_length=1)]
@@ -325,7 +325,7 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
     inputs = tuple(file.inputs)
     if "inputs" not in file.model_fields_set and not {*inputs} & {*model.plant.inputs}:
         driving = tuple(item for item in model.plant.inputs if item != "oil_temperature")
-        inputs = (model.plant.command,) if model.plant.command else driving or inputs
+        inputs = (model.plant.command,) if model.plant.command else driving
     return Dataset(model, inputs, tuple(runs), str(path), place("inputs"), (*computed,))
 
 

@@ -27,6 +27,7 @@ from scipy.sparse.linalg import spsolve
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.interruption import checkpoint
+from eha_bench.diagnosis.data.first_rates import first_rates
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.wander import cosines
@@ -460,7 +461,8 @@ class Problem:
         for numbers in runs.values():
             numbers.sort(key=lambda k: self.windows[k].first)
             own = [self.windows[k] for k in numbers]
-            if any(missing(self.plant, window) for window in own):
+            unread = any(missing(self.plant, window) for window in own)
+            if unread or (own[0].first == 0 and first_rates(own[0].measured)):
                 note_simulated_time(float(own[0].measured.time[-1]))
                 for number, window in zip(
                     numbers,

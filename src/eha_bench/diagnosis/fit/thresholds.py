@@ -72,7 +72,7 @@ class Thresholds:
         "record 0060",
     )
     first: float = _threshold(
-        0.2,
+        0.15,
         "the same where much is missing",
         "of a measured machine much remains, in which one cause shows as a smaller part",
     )
@@ -194,7 +194,12 @@ class Thresholds:
     )  # fmt: skip
 
     def is_unexplained(self, rest: Excess) -> bool:
-        """Whether a residual holds more than noise and what a nearly right model leaves."""
+        """Whether a residual holds more than noise and what a nearly right model leaves.
+
+        So much as `much` is no misjudged noise, also where too few readings show its structure.
+        """
+        if self.is_much(rest):
+            return True
         if rest.relative > self.bursts and rest.bursts > self.structure:
             return True
         return rest.relative > self.rest and self.has_structure(rest)

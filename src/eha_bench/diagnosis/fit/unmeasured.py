@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.data.first_rates import first_rates
 from eha_bench.diagnosis.data.windows import Window, window_at
 from eha_bench.diagnosis.fit.beyond_springs import beyond_springs
 from eha_bench.diagnosis.fit.start_state import start_of
@@ -37,7 +38,7 @@ def missing(plant: Plant, window: Window) -> tuple[str, ...]:
     roles = measured.roles
     still = roles.locked if measured.run.locked else ()
     if window.first == 0:
-        # a run begins at rest, where what moves is zero
+        # a run begins at rest, where what moves is zero, or as its positions tell (`first_rates`)
         still = (*still, *roles.rates, *roles.acting)
         # and where it is charged to is a parameter of its own
         still += tuple(name for name, key in plant.charged_by.items() if key in measured.run.own)
@@ -73,7 +74,8 @@ def with_carried_states(
     springs: list[dict[str, tuple[float, float]]] = []
     for window, stop in zip(started, stops, strict=True):
         unread = missing(plant, window)
-        springs.append(beyond_springs(plant, vector, window))
+        moving = first_rates(measured) if window.first == 0 else {}
+        springs.append({**moving, **beyond_springs(plant, vector, window)})
         told = {name: value for name, (value, _) in springs[-1].items()}
         own = {**carried.values(unread, window.initial), **told}
         drive = measured.drive(window.first, stop + 1)

@@ -92,8 +92,9 @@ def _remaining(after: float, before: float) -> str:
     """Say by how much the error is above the noise, with the causes found and without them."""
     left, was = _above(after), _above(before)
     if left == was:
-        return f"the error is {left}"
-    return f"the error that remains is {left} ({was.removesuffix(' above the noise')} before)"
+        return f"the mean square error is {left}"
+    was = was.removesuffix(" above the noise's")
+    return f"the mean square error that remains is {left} ({was} before)"
 
 
 def _in_one_channel(rest: Excess) -> list[str]:
@@ -110,8 +111,8 @@ def _in_one_channel(rest: Excess) -> list[str]:
 
 def _above(share: float) -> str:
     if share >= _TIMES:
-        return f"{1.0 + share:.3g} times the noise"
-    return f"{per_cent(max(share, 0.0), 1)} above the noise"
+        return f"{1.0 + share:.3g} times the noise's"
+    return f"{per_cent(max(share, 0.0), 1)} above the noise's"
 
 
 def _beside_a_remainder(

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eha_bench.diagnosis.data.first_rates import first_rates
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.plants.model import Model
@@ -93,6 +94,11 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
         if name not in {*needed, *measured.inputs} and (begins := state[name]) != 0.0:
             amount = _amount(name, begins, plant)
             notes.append(f"no '{name}' in the log: it starts at {amount}, from other channels")
+    for name in first_rates(measured):
+        if name not in known:
+            known.add(name)
+            amount = _amount(name, state[name], plant)
+            notes.append(f"no '{name}' in the log: it starts at {amount}, as its position moves")
     assumed = [_assumption(name, state, model) for name in needed if name not in known]
     if assumed:
         notes.append(
@@ -158,6 +164,8 @@ def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> d
     roles = model.plant.roles
     readings = _rested(readings, measured)
     state = {**model.plant.through_parts(model.vector(), readings), **readings}
+    for name, rate in first_rates(measured).items():
+        state.setdefault(name, rate.value)
     _at_charge(state, roles.pair, noise, _charge_pressure(model))
     for name in roles.acting:
         if name in state and abs(state[name]) < 4.0 * noise.get(name, 0.0):

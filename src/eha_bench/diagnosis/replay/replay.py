@@ -23,6 +23,7 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.interruption import result_at_checkpoints
 from eha_bench.core.processors import usable_processors
 from eha_bench.diagnosis.data.dataset import Use
+from eha_bench.diagnosis.data.first_rates import first_rates
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import is_bounded
 from eha_bench.diagnosis.fit.effort import note_simulated_time
@@ -262,6 +263,7 @@ def _spreads(
         for name in sorted(start)
         if noise.get(name, 0.0) > 0.0
     }
+    found |= {name: rate.spread for name, rate in first_rates(measured).items() if name in start}
     still = {*measured.roles.acting, *(measured.roles.locked if measured.run.locked else ())}
     return {name: size for name, size in found.items() if name not in still}
 
