@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -116,3 +117,19 @@ def test_a_delay_is_no_lead(tmp_path: Path) -> None:
     problem, fit = _fitted(model, _recorded(model, 1, seed=7, delay=2e-3))
     assert np.mean(fit.residual**2) > 2.0
     assert command_leads(problem, fit)[0] == {}
+
+
+def test_a_model_that_errs_by_much_tells_no_lead(tmp_path: Path) -> None:
+    """Errors of a wrong model have some of every shape; it is asked again beside what was found."""
+    (tmp_path / "plant.yaml").write_text(SPINDLE)
+    model = load_model(tmp_path / "plant.yaml")
+    measured = _recorded(model, 2, seed=3)
+    told = _fitted(model, measured)
+    assert command_leads(*told)[0]
+    wrong = 0.4 * np.sin(2.0 * np.pi * 23.0 * measured.time)
+    speed = measured.outputs.index("motor_speed")
+    off = measured.values.copy()
+    off[:, speed] += wrong
+    problem, fit = _fitted(model, replace(measured, values=off))
+    assert np.mean(fit.residual**2) > 8.0
+    assert command_leads(problem, fit) == ({}, problem, fit)

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from eha_bench.core.recording import Recording
+from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, calibrated_baseline, no_progress
-from eha_bench.diagnosis.outcome.remainder import Remainder, remainder
+from eha_bench.diagnosis.outcome.remainder import Remainder, acting_at, remainder
 from eha_bench.diagnosis.outcome.whereabouts import element_of
 from eha_bench.diagnosis.search.state import begin
+from eha_bench.plants.model import load_model
 from eha_bench.recordings import write
 
 PLANT = """\
@@ -93,6 +95,13 @@ def test_an_effect_of_the_same_place_may_have_another_law(
 )
 def test_a_sensor_and_a_drive_are_at_their_channel_and_element(place: str, element: str) -> None:
     assert element_of(place) == element
+
+
+def test_what_remains_in_both_pressures_is_at_either_sensor() -> None:
+    """An offset of one of two sensors that are off had an interval without its true size."""
+    plant = load_model(shipped_file("models/paper.yaml")).plant
+    assert acting_at(plant, "pressures") == {"pressures", "pressure_a", "pressure_b"}
+    assert acting_at(plant, "pressure_a.sensor") == {"pressure_a"}
 
 
 def test_what_no_curve_explains_follows_nothing() -> None:

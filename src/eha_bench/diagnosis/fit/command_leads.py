@@ -42,6 +42,11 @@ _CONTINUOUS = (
     "'{channel}' goes on between the samples of its log, {logged:.3g} ms apart: it is taken to act "
     "{lead:.2g} ms before it was logged, which is no effect"
 )
+_FURTHEST = 8.0
+"""Size of a residual beyond which it counts as one of that size, in the noise."""
+_LOUD = 6.0
+"""Mean square of a residual, in the noise's, from which it tells nothing of a lead: a wrong model's
+errors have some of every shape. It is asked again beside what was found."""
 _ROUNDS = 3
 _THERE = 0.01
 """Change of a lead up to which it has arrived."""
@@ -69,7 +74,13 @@ def command_leads(problem: Problem, fit: Fit) -> tuple[dict[str, float], Problem
             share = new
             there = _with(problem, {**found, name: period_of(share, tick)}, best)
             best = levenberg_marquardt(there, best.vector, best.free)
-        if share >= _LEAST and best.cost < fit.cost - _GAIN:
+        if share < _LEAST or not best.cost < fit.cost - _GAIN:
+            continue
+        # rows that were lost, beside which a lead is one error for another, must not decide, nor a
+        # fit that stopped short of its bottom with a lag too long
+        alone = levenberg_marquardt(_with(problem, found, best), best.vector, best.free)
+        little = _squares(best) < _LOUD * best.residual.size
+        if little and _squares(best) < _squares(alone) - _GAIN:
             found[name] = period_of(share, tick)
             fit = best
     if not found:
@@ -136,6 +147,11 @@ def _better(
     new = float(np.clip(share - along / size, 0.0, MOST))
     further = new - share
     return new, -2.0 * further * along - further**2 * size
+
+
+def _squares(fit: Fit) -> float:
+    """Return the sum of squares of a residual in which no reading counts for more than a few."""
+    return float(np.sum(np.clip(fit.residual, -_FURTHEST, _FURTHEST) ** 2))
 
 
 def _with(problem: Problem, periods: Mapping[str, float], fit: Fit) -> Problem:

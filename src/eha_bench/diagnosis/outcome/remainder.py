@@ -18,6 +18,8 @@ from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.outcome.whereabouts import acts_in, element_of
 from eha_bench.diagnosis.search.state import Search
 from eha_bench.diagnosis.unknown.locator import locate
+from eha_bench.diagnosis.unknown.places import places_of
+from eha_bench.plants.plant import Plant
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,13 @@ def remainder(
     if best is None or best.share <= search.thresholds.follows:
         return Remainder(share, equation, near=near)
     at = best.template.place
-    here = equation, element_of(at)
-    there = tuple(name for name, balance, where in places if (balance, where) == here)
+    here = acting_at(search.problem.plant, at)
+    there = tuple(name for name, balance, where in places if balance == equation and where in here)
     variable = best.template.variable
     return Remainder(share, equation, at, variable, min(best.share, 1.0), near, there)
+
+
+def acting_at(plant: Plant, place: str) -> frozenset[str]:
+    """Return where effects act that act at a place: its element, or each sensor that it changes."""
+    sensors = (name for item in places_of(plant) if item.at == place for name in item.sensors)
+    return frozenset({element_of(place), *sensors})
