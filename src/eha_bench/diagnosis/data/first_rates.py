@@ -79,7 +79,7 @@ def _rate(time: FloatArray, values: FloatArray) -> Rate | None:
     noise = noise_of(values)
     if read.size < _FEWEST or not noise > 0.0:
         return None
-    found: list[Rate] = []
+    found = None
     for count in range(_FEWEST, read.size + 1):
         since, told = time[read[:count]] - time[0], values[read[:count]]
         terms, numbers = _polynomial(since, told, _DEGREE)
@@ -92,9 +92,9 @@ def _rate(time: FloatArray, values: FloatArray) -> Rate | None:
         chance = noise * float(np.sqrt(np.linalg.inv(terms.T @ terms)[1, 1]))
         spread = float(np.hypot(chance, further - slope)) / since[-1]
         if further * slope > _AGREES * slope**2:
-            found.append(Rate(slope / since[-1], spread))
-    # the most readings: the least spread of several is a lucky one
-    return found[-1] if found else None
+            # the most readings: the least spread of several is a lucky one
+            found = Rate(slope / since[-1], spread)
+    return found
 
 
 def _polynomial(

@@ -17,6 +17,7 @@ from eha_bench.core.note import Note
 from eha_bench.diagnosis.data.command_lead import MOST, led, period_of, share_of
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.windows import Window
+from eha_bench.diagnosis.fit.evidence import FURTHEST
 from eha_bench.diagnosis.fit.least_squares import (
     Fit,
     calibrated_directions,
@@ -42,8 +43,6 @@ _CONTINUOUS = (
     "'{channel}' goes on between the samples of its log, {logged:.3g} ms apart: it is taken to act "
     "{lead:.2g} ms before it was logged, which is no effect"
 )
-_FURTHEST = 8.0
-"""Size of a residual beyond which it counts as one of that size, in the noise."""
 _LOUD = 6.0
 """Mean square of a residual, in the noise's, from which it tells nothing of a lead: a wrong model's
 errors have some of every shape. It is asked again beside what was found."""
@@ -151,7 +150,7 @@ def _better(
 
 def _squares(fit: Fit) -> float:
     """Return the sum of squares of a residual in which no reading counts for more than a few."""
-    return float(np.sum(np.clip(fit.residual, -_FURTHEST, _FURTHEST) ** 2))
+    return float(np.sum(np.clip(fit.residual, -FURTHEST, FURTHEST) ** 2))
 
 
 def _with(problem: Problem, periods: Mapping[str, float], fit: Fit) -> Problem:

@@ -36,7 +36,7 @@ def _soft_mean() -> float:
 _COUNTED = 0.01
 """Least probability that is read off counted draws."""
 _CONCERNED = 0.03
-_FURTHEST = 8.0
+FURTHEST = 8.0
 """Size of a residual beyond which it counts as one of that size, in the noise."""
 _FEW_READINGS = 60
 """Readings of a stretch that do not tell its noise."""
@@ -179,7 +179,7 @@ def excess(problem: Problem, fit: Fit) -> Excess:
     white = 1.0
     significance = -np.inf
     parts = [(channel, part) for _, channel, part in _by_channel(problem, fit.residual)]
-    clipped = [np.clip(part, -_FURTHEST, _FURTHEST) for _, part in parts]
+    clipped = [np.clip(part, -FURTHEST, FURTHEST) for _, part in parts]
     for length in (1, 8, 32, 128):
         total, count = 0.0, 0
         for part in clipped:
