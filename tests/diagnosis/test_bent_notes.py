@@ -1,10 +1,10 @@
-"""A fitted model that is worse than the declared one on runs that were never fitted."""
+"""Runs that were never fitted, on which a model is worse than the declared, or calibrated, one."""
 
 import math
 
 import pytest
 
-from eha_bench.diagnosis.replay.errors_by_channel import ChannelError, bent_notes
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError, bent_notes, spoiled_notes
 
 # a rod whose friction fell with the oil's temperature, which nobody had declared
 BENT = ChannelError(17.0, 102.0, 93.0, 1.5, "rpm")
@@ -36,3 +36,19 @@ def test_only_the_worst_channel_is_named() -> None:
 )
 def test_nothing_is_said_otherwise(error: ChannelError) -> None:
     assert not list(bent_notes({"motor_speed": error}, "held-out"))
+
+
+def test_a_channel_that_errs_more_with_what_was_added_is_named() -> None:
+    # a gear of 9 declared as 10, which an encoder's eccentricity imitates in the speed
+    speed = ChannelError(47.0, 17.7, 2.75, 2.6, "rpm")
+    angle = ChannelError(0.07, 5.3e-4, 9.0e-4, 1.3e-4, "rad")
+    (note,) = spoiled_notes({"motor_speed": speed, "joint_angle": angle}, "held-out")
+    assert note.startswith("CAUTION: on held-out runs 'joint_angle' errs 1.7 times as much")
+    assert "(0.0009 for 0.00053 rad)" in note
+    assert not list(spoiled_notes({"motor_speed": speed}, "held-out"))
+
+
+@pytest.mark.parametrize("before", [4e-4, 0.0, 9e-4], ids=["a little", "exact", "as before"])
+def test_what_is_hardly_worse_is_not_spoiled(before: float) -> None:
+    angle = ChannelError(0.07, before, 5e-4, 1.3e-4, "rad")
+    assert not list(spoiled_notes({"joint_angle": angle}, "held-out"))

@@ -60,3 +60,36 @@ def test_the_size_of_a_declared_effect_may_be_wrong() -> None:
     # what is estimated anyway is no candidate, nor what is off
     assert not declared_sizes(layout, vector, ["pressure_sensor_lag"], start.keys)
     assert not declared_sizes(layout, vector, ["entrained_air"], ())
+
+
+def test_a_number_of_a_drawing_may_be_wrong_unless_it_is_calibrated(
+    repository: Path, tmp_path: Path
+) -> None:
+    layout = load_plant(repository / "suites/plants/geared_servo.yaml").layout
+    starts = all_starts(layout, layout.defaults(), (), ())
+    ratio = next(start for start in starts if start.candidate == "parameter:gear.ratio")
+    assert ratio.is_parameter
+    assert ratio.equation == ""
+    assert ratio.low < ratio.neutral < ratio.strength < ratio.high
+    calibrated = all_starts(layout, layout.defaults(), (), ("gear.ratio",))
+    assert "parameter:gear.ratio" not in {start.candidate for start in calibrated}
+    # one of two areas that are declared the same is a single rod, which is an effect
+    text = (repository / CYLINDER).read_text(encoding="utf-8")
+    one = tmp_path / "one.yaml"
+    one.write_text(text.replace("area_b: 12 cm^2", "area_b: 9 cm^2"), encoding="utf-8")
+    areas = {"parameter:cylinder.area_a", "parameter:cylinder.area_b"}
+    assert areas <= candidates(one)
+    assert areas.isdisjoint(candidates(repository / CYLINDER))
+
+
+def test_a_rack_that_turns_the_other_way_has_its_ends_in_order(
+    repository: Path, tmp_path: Path
+) -> None:
+    text = (repository / "suites/plants/geared_servo.yaml").read_text(encoding="utf-8")
+    assert "ratio: 193" in text
+    reversed_ = tmp_path / "reversed.yaml"
+    reversed_.write_text(text.replace("ratio: 193", "ratio: -193"), encoding="utf-8")
+    layout = load_plant(reversed_).layout
+    starts = all_starts(layout, layout.defaults(), (), ())
+    ratio = next(start for start in starts if start.candidate == "parameter:gear.ratio")
+    assert ratio.low < ratio.strength < ratio.neutral == -193.0 < ratio.high < 0.0

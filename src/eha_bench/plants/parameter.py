@@ -28,6 +28,8 @@ class Parameter:
         nonzero: whether 0 is not a value of it though it lies within the bounds (a gear's ratio).
         refines: of a choice, whether its words but the first only refine what is there: a search
             tries them once the effect is found.
+        drawn: whether a drawing or a nameplate gives it: no effect of a machine changes it, but it
+            may be declared wrongly.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Parameter:
     usual: float = 0.0
     nonzero: bool = False
     refines: bool = False
+    drawn: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a default outside its bounds: a typing error in a plug-in."""

@@ -1,8 +1,8 @@
 """What may be missing: every registered effect, and parameters that may be declared wrongly.
 
-A plant parameter whose value is only assumed is a candidate too, and so is the size of an effect
-that the model declares: where one explains the residual as well as an effect does, no effect is
-named.
+A plant parameter whose value is only assumed is a candidate too, and so are a number of a drawing
+that is not calibrated, and the size of an effect that the model declares: where one explains the
+residual as well as an effect does, no effect is named.
 """
 
 from __future__ import annotations
@@ -172,14 +172,19 @@ def all_starts(
             continue
         starts = effect_starts(layout, effect)
         found += [start for start in starts if _can_be_missing(layout, effect, start, vector)]
+    # a single rod is an effect, so an area of two that are declared the same is no number in doubt
+    paired = {name for effect in layout.effects for name in _same(layout, effect.alike(), vector)}
     for parameter in layout.parameters:
-        if not parameter.assumed or parameter.name in calibrated or parameter.size > 1:
+        if parameter.name in calibrated or parameter.size > 1 or parameter.name in paired:
+            continue
+        if not (parameter.assumed or parameter.drawn):
             continue
         at = layout.index[parameter.name]
         value = float(vector[at])
         if value == 0.0 or not np.isfinite(value):
             continue
-        found.append(value_start(parameter.name, parameter, at, value, _ASSUMED_OFF_BY, 1.1))
+        off_by = _ASSUMED_OFF_BY if parameter.assumed else _DECLARED_OFF_BY
+        found.append(value_start(parameter.name, parameter, at, value, off_by, 1.1))
     return found
 
 
@@ -233,5 +238,13 @@ def _can_be_missing(layout: Layout, effect: BoundEffect, start: Start, vector: F
     needed = effect.needed(values)
     if needed is not None and (not needed or vector[layout.index[needed]] == 0.0):
         return False
-    alike = [float(vector[layout.index[name]]) for name in effect.alike(values)]
-    return len(alike) < 2 or abs(alike[0] - alike[1]) <= _SAME * abs(alike[0])
+    alike = effect.alike(values)
+    return len(alike) < 2 or len(_same(layout, alike, vector)) > 0
+
+
+def _same(layout: Layout, names: Sequence[str], vector: FloatArray) -> Sequence[str]:
+    """Return two parameters where they are declared the same, else nothing."""
+    if len(names) < 2:
+        return ()
+    one, two = (float(vector[layout.index[name]]) for name in names[:2])
+    return names if abs(one - two) <= _SAME * abs(one) else ()

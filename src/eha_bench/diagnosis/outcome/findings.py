@@ -129,12 +129,13 @@ def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
     notes, declared, layout = [], model.vector(), model.plant.layout
     for key in keys:
         parameter, at = layout.by_key[key], layout.index[key]
-        asked = f"the data ask for {fit.vector[at]:.4g} {parameter.unit}"
-        said = f"CAUTION: {key} is declared as {declared[at]:.4g} {parameter.unit}"
+        asked = f"the data ask for {fit.vector[at]:.4g} {parameter.unit}".rstrip()
+        said = f"CAUTION: {key} is declared as {declared[at]:.4g} {parameter.unit}".rstrip()
         notes.append(
             f"{key} is only assumed in the model; {asked}"
             if parameter.assumed
-            else f"{said}; {asked}"
+            else f"{said}, and not calibrated; {asked}, which explains as much as any effect: "
+            "check it, and correct it or list it under `calibrate`"
         )
     return notes
 

@@ -48,6 +48,7 @@ from eha_bench.diagnosis.replay.errors_by_channel import (
     replay_errors,
     replay_notes,
     rms_by_channel,
+    spoiled_notes,
 )
 from eha_bench.diagnosis.replay.replay import Replay, replay
 from eha_bench.plants.model import Model
@@ -170,6 +171,7 @@ def scores_of(
         notes += replay_notes(mine, errors[use], _KINDS[use])
         if use is not Use.TRAIN:
             notes += bent_notes(errors[use], _KINDS[use])
+            notes += spoiled_notes(errors[use], _KINDS[use])
     per_run = {item.run: item.estimates for item in parts[-1] if item.estimates}
     covered = covered_ranges(base.measured, noise, errors[Use.TRAIN], dataset.source)
     notes += beyond_notes(replays, covered, noise)

@@ -18,13 +18,11 @@ def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
         return None
     good = _inside_bounds(search, good)
     chosen = good[0]
-    for item in good:
-        # a parameter is preferred where it explains as much
-        behind = item.fit.cost - chosen.fit.cost
-        if item.start.is_parameter and behind < 0.02 * chosen.comparison.gain:
-            return item
     tied = tie(chosen.comparison.gain, chosen.fit.residual.size)
     alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
+    if parameter := next((item for item in alike if item.start.is_parameter), None):
+        # a number that may be declared wrongly is likelier than an effect that does no better
+        return parameter
     # of those that leave equally little, the one with the fewest numbers to choose is the
     # likeliest, then the one that carries over best to runs left out
     simplest = min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))

@@ -15,7 +15,7 @@ import math
 from eha_bench.plants.network.element import MECHANICAL, Anatomy, ElementKind, Port, Tie
 from eha_bench.plants.parameter import Parameter
 
-_RATIO = Parameter("ratio", "{ratio}", 1.0, -math.inf, math.inf, "n", nonzero=True)
+_RATIO = Parameter("ratio", "{ratio}", 1.0, -math.inf, math.inf, "n", nonzero=True, drawn=True)
 
 
 def ratio_of(ratio: float) -> float:

@@ -24,7 +24,7 @@ from eha_bench.plants.network.element import (
 )
 from eha_bench.plants.parameter import Parameter
 
-_CONSTANT = Parameter("force_constant", "N/V", 1.0, 1e-9, math.inf, "k")
+_CONSTANT = Parameter("force_constant", "N/V", 1.0, 1e-9, math.inf, "k", drawn=True)
 _LIMIT = Parameter("voltage_limit", "V", 1e9, 1e-6, math.inf, "", "none that matters")
 
 

@@ -26,7 +26,7 @@ from eha_bench.plants.network.element import (
 from eha_bench.plants.parameter import Parameter
 
 _INF = math.inf
-_CONSTANT = Parameter("torque_constant", "N*m/A", 0.1, 1e-9, _INF, "K_T")
+_CONSTANT = Parameter("torque_constant", "N*m/A", 0.1, 1e-9, _INF, "K_T", drawn=True)
 _EMF = Parameter("voltage_constant", "V*s/rad", 0.1, 0.0, _INF, "K_E", "K_T where it is not given")
 _RESISTANCE = Parameter("resistance", "ohm", 1.0, 1e-6, _INF, "R")
 _CURRENT_LIMIT = Parameter("current_limit", "A", 1e9, 1e-6, _INF, "", "none that matters")

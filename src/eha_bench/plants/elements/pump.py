@@ -22,7 +22,7 @@ from eha_bench.plants.network.element import (
 )
 from eha_bench.plants.parameter import Parameter
 
-_DISPLACEMENT = Parameter("displacement", "m^3/rad", 1e-7, 1e-12, math.inf, "D")
+_DISPLACEMENT = Parameter("displacement", "m^3/rad", 1e-7, 1e-12, math.inf, "D", drawn=True)
 
 
 def torque(p_from: float, p_to: float, displacement: float) -> float:

@@ -1,0 +1,104 @@
+"""A number of a drawing that is declared wrongly, and that nobody asked to calibrate."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.recordings import write
+
+RATIO, TORQUE_CONSTANT = 9.0, 0.105
+"""Of the leg that is recorded."""
+
+PLANT = """\
+plant: leg
+nodes:
+  shaft: {kind: rotation, inertia: 1.1e-4 kg*m^2}
+  joint: {kind: rotation, inertia: 9e-3 kg*m^2}
+elements:
+  motor: {kind: motor, on: shaft, torque_constant: 0.1 N*m/A}
+  gear:  {kind: gear, from: shaft, to: joint, ratio: %s}
+  drag:  {kind: friction, on: shaft, coulomb: 0.03 N*m, viscous: 3e-4 N*m*s/rad}
+  link:  {kind: pendulum, on: joint, mass: 1.4 kg, length: 0.2 m}
+inputs: {current_command: motor.current}
+channels: {joint_angle: joint.angle, motor_speed: shaft.speed}
+calibrate:
+  - {parameter: motor.torque_constant, within: 15 %%}
+  - {parameter: joint.inertia, within: 30 %%}
+  - {parameter: link.mass, within: 15 %%}
+  - {parameter: drag.coulomb, within: 30 %%}
+  - {parameter: drag.viscous, within: 30 %%}
+"""
+
+
+def recorded(name: str, folder: Path, number: int) -> str:
+    """Swing the leg by a current of three sines, and read it at 200 Hz; return the log's name."""
+    noise = np.random.default_rng(number)
+    step, every = 1e-4, 50
+    time = np.arange(0.0, 5.0, step)
+    current = sum(
+        size * np.sin(2.0 * np.pi * rate * (1.0 + 0.13 * number) * time + number)
+        for size, rate in ((1.6, 0.5), (1.2, 1.3), (0.8, 2.9))
+    )
+    # what is given is held from one reading to the next
+    current = np.repeat(current[::every], every)
+    inertia = 1.1e-4 * RATIO**2 + 9e-3 + 1.4 * 0.2**2
+    angle = speed = 0.0
+    read = []
+    for k, value in enumerate(current):
+        if k % every == 0:
+            read.append((angle, RATIO * speed))
+        torque = TORQUE_CONSTANT * value - 0.03 * np.tanh(RATIO * speed / 0.05)
+        torque = RATIO * (torque - 3e-4 * RATIO * speed)
+        speed += step * (torque - 1.4 * 9.80665 * 0.2 * np.sin(angle)) / inertia
+        angle += step * speed
+    angles, speeds = np.array(read).T
+    recording = Recording(
+        time[::every],
+        {
+            "current_command": current[::every],
+            "joint_angle": angles + 1e-4 * noise.standard_normal(angles.size),
+            "motor_speed": speeds + 0.1 * noise.standard_normal(speeds.size),
+        },
+    )
+    write(folder / f"{name}.mcap", recording)
+    return f"{name}.mcap"
+
+
+def dataset(folder: Path, ratio: str) -> Path:
+    """Declare the leg with a ratio, and three runs of it."""
+    (folder / "plant.yaml").write_text(PLANT % ratio, encoding="utf-8")
+    runs = [
+        f"  - {{log: {recorded(f'run{k}', folder, k)}, use: {'holdout' if k == 2 else 'train'}}}\n"
+        for k in range(3)
+    ]
+    path = folder / "dataset.yaml"
+    path.write_text(
+        "model: plant.yaml\ninputs: [current_command]\nruns:\n" + "".join(runs), encoding="utf-8"
+    )
+    return path
+
+
+@pytest.mark.slow(40)
+def test_a_ratio_that_is_not_calibrated_is_named_with_its_value(tmp_path: Path) -> None:
+    found = diagnose(dataset(tmp_path, "10"))
+    assert found.verdict is Verdict.NONE
+    (note,) = (note for note in found.notes if "gear.ratio" in note)
+    said = re.match(r"CAUTION: gear.ratio is declared as 10, .*the data ask for ([\d.]+),", note)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(RATIO, rel=0.01)
+    speed = found.holdout["motor_speed"]
+    assert speed.after < 0.1 * speed.before
+
+
+@pytest.mark.slow(20)
+def test_a_right_ratio_is_left_alone(tmp_path: Path) -> None:
+    found = diagnose(dataset(tmp_path, "9"))
+    assert found.verdict is Verdict.NONE
+    assert not [note for note in found.notes if "gear.ratio" in note]
