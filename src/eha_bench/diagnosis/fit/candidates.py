@@ -223,6 +223,11 @@ def value_start(
     return Start(f"parameter:{key}", (), at, value, value * probed, low, high, (key,), "")
 
 
+def is_drawn(layout: Layout, start: Start) -> bool:
+    """Whether a candidate is a number of a drawing that may be declared wrongly."""
+    return start.is_parameter and layout.by_key[start.keys[0]].drawn
+
+
 def start_values(layout: Layout, effect: BoundEffect, start: Start) -> dict[str, float]:
     """Return an effect's parameters at a starting point, by name; words as their numbers."""
     settings = dict(start.settings)

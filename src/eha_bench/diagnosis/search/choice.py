@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from eha_bench.diagnosis.fit.evidence import Improvement
+from eha_bench.diagnosis.fit.candidates import is_drawn
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
 from eha_bench.diagnosis.search.state import Refit, Search
@@ -13,7 +13,7 @@ from eha_bench.diagnosis.search.yielding import yields_to
 
 def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
     """Return what is added next of a look's candidates, the best first; None where none will do."""
-    good = [item for item in trials if _is_acceptable(search, item.comparison)]
+    good = [item for item in trials if _is_acceptable(search, item)]
     if not good:
         return None
     good = _inside_bounds(search, good)
@@ -58,10 +58,14 @@ def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:
     return good
 
 
-def _is_acceptable(search: Search, found: Improvement) -> bool:
-    limits = search.thresholds
-    enough = limits.is_enough(found, search.excess_left, len(search.effects))
-    return enough and limits.allow(found)
+def _is_acceptable(search: Search, item: Refit) -> bool:
+    limits, found = search.thresholds, item.comparison
+    if not limits.allow(found):
+        return False
+    if is_drawn(search.problem.plant.layout, item.start):
+        # one that is only bent by what is missing explains a part of it, and carries over badly
+        return min(found.share, found.share_out) > limits.nearly_all
+    return limits.is_enough(found, search.excess_left, len(search.effects))
 
 
 def equivalents(search: Search, chosen: Refit, trials: Sequence[Refit]) -> tuple[str, ...]:
