@@ -75,6 +75,7 @@ class LinearProblem:
     def _window(name: str) -> SimpleNamespace:
         measured = SimpleNamespace(
             run=SimpleNamespace(name=name, locked=True), time=1e-3 * np.arange(TICKS), steps={},
+            outputs=(),
             input_noise={}, colours={}, start=SimpleNamespace(is_estimated=False, value=0.0),
         )  # fmt: skip
         return SimpleNamespace(measured=measured, first=0, last=TICKS)

@@ -362,17 +362,20 @@ def test_an_effect_beside_another_whose_size_may_be_nothing(low, p_value, refuse
 
 
 @pytest.mark.parametrize(
-    ("noise", "significance", "p_value", "stands"),
+    ("noise", "missing", "significance", "p_value", "stands"),
     [
-        (0.05, 4.0, 1e-4, True),
-        (8.0, 4.0, 1e-4, False),
-        (8.0, 40.0, 1e-4, True),
+        (0.05, 0.5, 4.0, 1e-4, True),
+        (8.0, 0.5, 4.0, 1e-4, False),
+        (8.0, 0.5, 40.0, 1e-4, True),
+        # twelve times the noise is no level of it, where too few readings show a structure: a
+        # bucket's delay, which explained 97 %
+        (8.0, 12.0, 4.0, 1e-4, True),
         # outputs that move like a root of the size: only the gain says how far it is from nothing
-        (8.0, 4.0, 1e-9, True),
+        (8.0, 0.5, 4.0, 1e-9, True),
     ],
 )
 def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
-    noise, significance, p_value, stands
+    noise, missing, significance, p_value, stands
 ):
     """y = a x + noise over 400 samples: a is known to noise / sqrt(sum of x^2)."""
     import numpy as np
@@ -395,7 +398,7 @@ def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
         effects=[item],
         fit=fit,
         groups=Groups(*(tuple(np.array_split(np.arange(400), parts)) for parts in (4, 40))),
-        excess_base=SimpleNamespace(relative=0.5, significance=significance, size=400),
+        excess_base=SimpleNamespace(relative=missing, significance=significance, size=400),
     )
     text = _against(search, item)
     assert (text == "") is stands, text

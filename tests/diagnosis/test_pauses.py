@@ -10,6 +10,7 @@ import pytest
 from eha_bench.diagnosis.calibrate import calibrate
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.data.pauses import parted_at_pauses, pauses
+from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
 
@@ -95,3 +96,28 @@ def test_what_drove_a_machine_in_a_pause_is_laid_to_nothing(folder: Path) -> Non
     assert found.parameters["valve.flow_gain"].value == pytest.approx(1.08 * 9e-8, rel=2e-3)
     assert found.train["piston_position"].after < 1e-4
     assert not any("small errors add up" in note for note in found.notes)
+
+
+def test_a_prediction_begins_anew_behind_a_pause(folder: Path) -> None:
+    whole, part = predict(folder / "dataset.yaml")
+    rows = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
+    assert whole.time == pytest.approx(rows[:, 0])
+    assert part.time.size == whole.time.size
+    # the flow gain is 8 % off: what the last command, held through the pause, adds is 60 mm
+    predicted = whole.values["piston_position"]
+    assert np.abs(predicted - 1e-3 * rows[:, 2]).max() < 8e-3
+    assert whole.errors["piston_position"] == pytest.approx(
+        float(np.sqrt(np.mean((predicted - 1e-3 * rows[:, 2]) ** 2))), rel=1e-3
+    )
+    assert any("nothing was logged for 1 s from 1.2 s on" in note for note in whole.notes)
+
+
+def test_stamps_of_a_part_too_short_to_be_one_are_predicted_by_nothing(folder: Path) -> None:
+    rows = (folder / "log.csv").read_text().splitlines()
+    header, *lines = rows
+    lines = [line for line in lines if not 0.004 < float(line.split(",")[0]) < 0.6]
+    (folder / "log.csv").write_text("\n".join([header, *lines]) + "\n")
+    found, _ = predict(folder / "dataset.yaml")
+    assert found.time.size == len(lines)
+    missing = np.isnan(found.values["piston_position"])
+    assert found.time[missing] == pytest.approx([0.0, 0.002, 0.004])

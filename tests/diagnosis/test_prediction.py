@@ -103,7 +103,7 @@ def test_what_was_bridged_in_an_input_is_said():
     command = np.array(recording["current_command"])
     command[50:80] = np.nan
     (found,) = predict(dataset(recording.with_values({"current_command": command})))
-    assert any("input 'current_command' has 30 gaps, bridged" in note for note in found.notes)
+    assert any("gaps of input 'current_command', bridged: 30" in note for note in found.notes)
 
 
 # ---- where a prediction begins

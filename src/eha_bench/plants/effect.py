@@ -144,6 +144,7 @@ class Effect:
             others' sum comes later.
         yields_to: id of an effect that describes the same with less: it is named where both
             explain what is there.
+        reversing: whether it shows only where a motion turns back.
     """
 
     id: str
@@ -159,6 +160,7 @@ class Effect:
     starts: tuple[Mapping[str, float], ...] = ()
     order: int = 0
     yields_to: str = ""
+    reversing: bool = False
 
     def __post_init__(self) -> None:
         """Refuse names that mean nothing: misspelt, they would be without effect.
@@ -274,6 +276,11 @@ class BoundEffect:
     def separate(self) -> str:
         """The experiment that tells it from its look-alikes."""
         return self.effect.separate
+
+    @property
+    def reversing(self) -> bool:
+        """Whether it shows only where a motion turns back."""
+        return self.effect.reversing
 
     @property
     def action(self) -> Action:

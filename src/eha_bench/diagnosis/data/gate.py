@@ -118,10 +118,11 @@ def admit(
             good &= ~still
         if not good.all():
             gaps = readings_of(raw if sampled.logged is None else raw[sampled.logged]).missing
-            if gaps and not apart:
+            # a row that was put in before the first has a command alone
+            if gaps > int(not good[0]) and not apart:
                 notes.append(
                     Note(
-                        "{run}: '{channel}' has {count:d} samples missing",
+                        "{run}: samples of '{channel}' that are missing: {count:d}",
                         run=run.name,
                         channel=name,
                         count=gaps,
@@ -204,13 +205,13 @@ def _driving_inputs(
         known = raw
         if lost.any():
             found.missing[lost] = True
-            text = "{run}: input '{channel}' has {count:d} gaps, bridged"
+            text = "{run}: gaps of input '{channel}', bridged: {count:d}"
             values: dict[str, str | int] = {"channel": name, "count": int(lost.sum())}
             if asked:
                 # whether a row was not written, or what it asks for not sent either, no log says
                 held = sampled.logged is not None
                 known, found.unsure[name] = guess_lost(time, raw, lost, may_be_held=held)
-                text += "; {unknown:d} of them are unknown"
+                text += ", of which unknown: {unknown:d}"
                 values["unknown"] = found.unsure[name].ticks.size
             notes.append(Note(text, run=run.name, **values))
         found.values[name] = _filled(time, known, held=asked)
@@ -325,8 +326,7 @@ def _clock(
     if jumps.size:
         notes.append(
             Note(
-                "{run}: the clock jumps {count:d} times by more than five periods of "
-                "{period:.3g} ms",
+                "{run}: jumps of the clock by more than five periods of {period:.3g} ms: {count:d}",
                 run=run.name,
                 count=jumps.size,
                 period=usual * 1e3,

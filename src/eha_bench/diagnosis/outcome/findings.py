@@ -30,7 +30,7 @@ from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import ADDED, Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import found_rival
-from eha_bench.diagnosis.search.state import RankedCandidate, Search
+from eha_bench.diagnosis.search.state import RankedCandidate, Search, shown_by_no_run
 from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.model import Model
 
@@ -101,6 +101,11 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         ended.at_bounds,
     )  # fmt: skip
     if decision.verdict is not Verdict.NONE:
+        if untried := shown_by_no_run(search.problem):
+            notes.append(
+                f"{' and '.join(untried)} not tried: no fitted run turns back, and a play shows "
+                "only there"
+            )
         named = [layout.effect(item.start.candidate) for item in search.effects]
         notes += confounding_notes(base.measured, named)
         notes += zero_offset_notes(model.plant, fit.vector, effects)

@@ -205,7 +205,8 @@ def _against(search: Search, item: Accepted) -> str:
     if found.p_value > limits.likely:
         return f"its gain may be chance (p {found.p_value:.2g})"
     missing = search.excess_base
-    if not limits.has_structure(missing) and not (
+    may_be_level = not (limits.has_structure(missing) or limits.is_much(missing))
+    if may_be_level and not (
         limits.is_clear(found, missing.size) or deviations_off(search, start) > limits.clear
     ):
         return _NOT_DISTINCT

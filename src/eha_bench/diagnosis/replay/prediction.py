@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,11 +17,12 @@ from eha_bench.core.extras import require
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.output_folder import writable
 from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
+from eha_bench.diagnosis.data.dataset import Dataset, Run, load_dataset
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.measured import Measured, pooled_noise
 from eha_bench.diagnosis.data.onset import topics_from_onset
-from eha_bench.diagnosis.data.ticks import Sampled, nearest, on_ticks
+from eha_bench.diagnosis.data.pauses import parted_at_pauses
+from eha_bench.diagnosis.data.ticks import nearest, on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.problem import Problem
@@ -207,6 +208,9 @@ def predict(
     What repeats with the turn of a shaft whose angle nothing reads follows the integral of its
     measured speed, and a note says so.
 
+    Where a log pauses, nobody knows what drove the machine: each part of it starts from its own
+    first sample, and a note says so.
+
     Channels that nothing among the inputs drives are left out. What the log does not tell of a
     run's start is assumed at rest, and noted. No first sample says at which angle
     the shaft stands: where the model has something on that is periodic in it, and the run shows
@@ -233,21 +237,15 @@ def predict(
         model = dataset.model
     elif not isinstance(model, Model):
         model = model_from(model)
-    determined = dataset.determined(model.plant)
+    dataset.determined(model.plant)  # refuses inputs that drive nothing, before anything is read
     if out is not None:
         writable(Path(out))
     found = []
     for number, run in enumerate(dataset.runs):
         if progress:
             progress(run.name, number / len(dataset.runs))
-        recording = run.read()
-        topics = topics_from_onset(run, dataset.inputs, determined, model.plant.roles)
-        sampled = on_ticks(topics, dataset.inputs, determined)
-        measured = admit(
-            run, sampled, dataset.inputs, determined, strict=False, roles=model.plant.roles
-        )
-        measured = _with_its_own(measured, model)
-        prediction = _prediction_of(_at_its_angle(measured, model), recording, sampled, model)
+        parts = parted_at_pauses([run], ())
+        prediction = _joined(run, [_prediction_of(part, dataset, model) for part in parts], model)
         if out is not None:
             folder = Path(out)
             folder.mkdir(parents=True, exist_ok=True)
@@ -260,11 +258,29 @@ def predict(
     return tuple(found)
 
 
-def _prediction_of(
-    measured: Measured, recording: Recording, sampled: Sampled, model: Model
-) -> Prediction:
-    """Return the prediction of a run that passed the gate, at the stamps of its recording."""
+class _Part(NamedTuple):
+    """Prediction of a log, or of what it holds between two pauses.
+
+    Attributes:
+        recording: its readings. values: channel -> simulated at their stamps, (n,) SI.
+        residuals: channel -> (k,) measured less predicted, SI. notes: one sentence each.
+    """
+
+    recording: Recording
+    values: Mapping[str, FloatArray]
+    residuals: Mapping[str, FloatArray]
+    notes: tuple[str, ...]
+
+
+def _prediction_of(run: Run, dataset: Dataset, model: Model) -> _Part:
+    """Return the prediction of a run, or of a part of one, at the stamps of its recording."""
     plant = model.plant
+    compared = dataset.determined(plant)
+    recording = run.read()
+    topics = topics_from_onset(run, dataset.inputs, compared, plant.roles)
+    sampled = on_ticks(topics, dataset.inputs, compared)
+    measured = admit(run, sampled, dataset.inputs, compared, strict=False, roles=plant.roles)
+    measured = _at_its_angle(_with_its_own(measured, model), model)
     start = first_sample(measured, model)
     values = simulate_from(measured, model, start.state, STEP)
     determined = plant.determined(tuple(measured.inputs))
@@ -277,7 +293,7 @@ def _prediction_of(
         columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]
     derived = plant.derived(model.vector(), columns)
     columns |= {n: v for n, v in derived.items() if n in recording and n not in measured.inputs}
-    errors = _errors(columns, measured, sampled.recording)
+    residuals = _residuals(columns, measured, sampled.recording)
     # of one topic, ticks with rows that were lost or put in before the first
     if sampled.is_of_several or len(sampled.recording) != len(recording):
         columns = _at_stamps(columns, sampled.recording, recording)
@@ -290,15 +306,39 @@ def _prediction_of(
         )
     if measured.start.is_estimated:
         notes += (angles_note({measured.run.name: measured.start}),)
+    return _Part(recording, columns, residuals, notes)
+
+
+def _joined(run: Run, parts: Sequence[_Part], model: Model) -> Prediction:
+    """Return the prediction of a run from those of its parts; between them nothing is predicted."""
+    recording = parts[0].recording if len(parts) == 1 else run.read()
+    time = np.array(recording.time)
+    values = {}
+    for name in dict.fromkeys(name for part in parts for name in part.values):
+        values[name] = np.full(time.size, np.nan)
+        for part in parts:
+            if name in part.values:
+                at = np.searchsorted(time, part.recording.time)
+                values[name][at] = part.values[name]
+    residuals: dict[str, list[FloatArray]] = {}
+    for part in parts:
+        for name, own in part.residuals.items():
+            residuals.setdefault(name, []).append(own)
     return Prediction(
-        measured.run.name,
-        np.array(recording.time),
-        columns,
-        notes,
-        errors,
+        run.name,
+        time,
+        values,
+        tuple(dict.fromkeys(note for part in parts for note in part.notes)),
+        {name: _rms(np.concatenate(own)) for name, own in residuals.items()},
         recording.epoch_ns,
-        plant.units,
+        model.plant.units,
     )
+
+
+def _rms(residual: FloatArray) -> float:
+    """Return the root mean square; infinite where a simulation diverges."""
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(residual**2)))
 
 
 def _at_stamps(
@@ -316,10 +356,10 @@ def _at_stamps(
     return {name: np.interp(stamps, ticks.time, values) for name, values in columns.items()}
 
 
-def _errors(
+def _residuals(
     columns: Mapping[str, FloatArray], measured: Measured, recording: Recording
-) -> dict[str, float]:
-    """Return the root mean square error of every channel that the log measures, SI.
+) -> dict[str, FloatArray]:
+    """Return measured less predicted of every channel that the log measures, SI.
 
     What the gate does not believe has no say: an error against a dead sensor is none.
     """
@@ -329,9 +369,7 @@ def _errors(
         if column is None or not (there := np.isfinite(column)).any():
             continue
         taken = measured.at_sample_instants(name, values, {})[there]
-        other = np.where(np.isfinite(taken), taken, np.inf)
-        with np.errstate(over="ignore"):
-            found[name] = float(np.sqrt(np.mean((column[there] - other) ** 2)))
+        found[name] = column[there] - np.where(np.isfinite(taken), taken, np.inf)
     return found
 
 

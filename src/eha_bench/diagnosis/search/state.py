@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.data.reversals import turns_back
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.candidates import Start, all_starts, declared_sizes, start_values
 from eha_bench.diagnosis.fit.evidence import (
@@ -174,12 +175,22 @@ def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
     declared = [*search.declared, *taken]
     starts = all_starts(places.layout, vector, declared, search.keys)
     starts += declared_sizes(places.layout, vector, search.declared, search.keys)
+    starts = [start for start in starts if places.permits(start.apply(vector), start.keys)]
+    hidden = shown_by_no_run(search.problem)
     return [
         start
         for start in starts
-        if places.permits(start.apply(vector), start.keys)
-        and not _is_of_unread_sensor(search.problem, start)
+        if start.candidate not in hidden and not _is_of_unread_sensor(search.problem, start)
     ]
+
+
+def shown_by_no_run(problem: Problem) -> tuple[str, ...]:
+    """Return ids of effects that show only where a motion turns back, where none does."""
+    reversing = tuple(effect.id for effect in problem.plant.layout.effects if effect.reversing)
+    if not reversing:
+        return ()
+    runs = {item.measured.run.name: item.measured for item in problem.windows}
+    return () if turns_back([*runs.values()], problem.noise) else reversing
 
 
 def _is_of_unread_sensor(problem: Problem, start: Start) -> bool:

@@ -43,4 +43,5 @@ EFFECT = Effect(
     ),
     starts=tuple({"play": 1e-4 * 2.0**k} for k in range(-1, 5)),
     yields_to="joint_backlash",
+    reversing=True,
 )  # fmt: skip

@@ -336,4 +336,5 @@ EFFECT = Effect(
         # where the rod meets a load that lies apart, a gap 1.4 times as wide is another answer
         *({"side": _LOAD, "gap": 1e-4 * 2.0 ** (0.5 * k), "rest": 0.0} for k in range(9)),
     ),
+    reversing=True,
 )  # fmt: skip

@@ -1,0 +1,52 @@
+"""Whether anything turns back in the runs that are fitted.
+
+A play shows where a motion turns back: until the gap is crossed one side stands. Where every run
+starts from rest and goes one way, it shows as a dead time at the start alone, by as much of the gap
+as happens to lie ahead, and a delayed command looks the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.data.measured import Measured
+
+_NOISE: Final = 6.0
+"""Standard deviations of its noise that a motion has to exceed each way."""
+_SHARE: Final = 0.1
+"""Share of its range in the run that it has to exceed each way: a boom sags as its valve opens."""
+
+
+def turns_back(runs: Sequence[Measured], noise: Mapping[str, float]) -> bool:
+    """Return whether some position or speed goes one way and the other within a run.
+
+    True as well where neither is read, which tells nothing.
+
+    Args:
+        runs: that are fitted. noise: of their channels, SI.
+    """
+    told = False
+    for item in runs:
+        for name in item.outputs:
+            read = item.column(name)
+            if read is None or not (name in item.roles.rates or name in item.roles.rate_of):
+                continue
+            told = True
+            column = read[np.isfinite(read)]
+            ways = (
+                (float(column.max()), float(-column.min()))
+                if name in item.roles.rates
+                else (_farthest(column), _farthest(-column))
+            )
+            if min(ways) > max(_NOISE * noise.get(name, 0.0), _SHARE * float(np.ptp(column))):
+                return True
+    return not told
+
+
+def _farthest(position: FloatArray) -> float:
+    """Return by how much a position rises at most from an earlier one."""
+    return float(np.max(position - np.minimum.accumulate(position)))
