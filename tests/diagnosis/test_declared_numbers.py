@@ -93,6 +93,7 @@ def test_a_ratio_that_is_not_calibrated_is_named_with_its_value(tmp_path: Path) 
     said = re.match(r"CAUTION: gear.ratio is declared as 10, .*the data ask for ([\d.]+),", note)
     assert said is not None
     assert float(said[1]) == pytest.approx(RATIO, rel=0.01)
+    assert found.corrected == {"gear.ratio": 10.0}
     speed = found.holdout["motor_speed"]
     assert speed.after < 0.1 * speed.before
 

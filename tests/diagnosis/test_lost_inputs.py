@@ -148,7 +148,7 @@ def test_the_right_model_leaves_noise_though_commands_at_jumps_are_lost() -> Non
     run = Run("log", Path("log.mcap"), None, True, False, Use.TRAIN, lambda: reading)
     measured = admit(run, reading, ["current_command"], model.plant.outputs)
     assert measured.unsure["current_command"].ticks.size == len(ticks)
-    assert "are unknown" in " ".join(measured.notes)
+    assert "of which unknown: 30" in " ".join(measured.notes)
 
     def left(*, known: bool) -> float:
         own = measured if known else replace(measured, unsure={})

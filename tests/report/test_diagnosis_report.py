@@ -23,6 +23,7 @@ from test_browser import quiet
 
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.fit.convergence import Convergence
+from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import ChannelError, Unknown, Verdict
 from eha_bench.diagnosis.outcome.remainder import Remainder
 from eha_bench.diagnosis.replay.error_by_value import ErrorBin, ErrorByValue
@@ -70,6 +71,23 @@ def test_the_verdict_is_one_sentence(found, status, says) -> None:
     assert told == status
     assert says in verdict
     assert sentence.endswith(".")
+
+
+def test_a_number_that_is_declared_wrongly_stands_in_the_headline() -> None:
+    """A tick over a machine's file with a wrong gear would pass it."""
+    asked = Estimate(5.001, 4.99, 5.01, "")
+    found = replace(
+        nothing_found(),
+        corrected={"gear.ratio": 5.75},
+        calibrated={"gear.ratio": asked},
+    )
+    told, verdict, sentence = headline(found)
+    assert told == "warned"
+    assert verdict.endswith("gear.ratio is declared as 5.750, and the data ask for 5.001")
+    assert sentence.startswith("The error in pressure A on runs that were never fitted falls ")
+    assert found.to_dict()["corrected"] == {
+        "gear.ratio": {"declared": 5.75, "value": 5.001, "low": 4.99, "high": 5.01, "unit": ""}
+    }
 
 
 def test_the_sentence_gives_the_error_on_held_out_runs_beside_the_noise() -> None:

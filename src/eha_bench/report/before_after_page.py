@@ -152,7 +152,8 @@ def _covered_facts(diagnosis: Mapping[str, Any]) -> list[Fact]:
 
 def _cause(diagnosis: Mapping[str, Any]) -> str:
     if diagnosis["verdict"] == "none":
-        return "Nothing is missing from the model."
+        but = ", ".join(f"another {name}" for name in diagnosis.get("corrected") or {})
+        return f"Nothing is missing from the model{f' but {but}' if but else ''}."
     if diagnosis["verdict"] == "effect":
         causes = [f"{words_of(i['id'])} (in {where(i['equation'])})" for i in diagnosis["effects"]]
         return f"The model lacked {', '.join(causes)}."

@@ -78,12 +78,28 @@ def headline(found: Diagnosis) -> tuple[str, str, str]:
     if not found.complete:
         return "incomplete", _verdict(found), "Interrupted: " + _rests_on(found)
     status = {Verdict.NONE: "passed", Verdict.EFFECT: "warned", Verdict.UNKNOWN: "undecided"}
-    return status[found.verdict], _verdict(found), _rests_on(found)
+    told = "warned" if found.corrected and found.verdict is Verdict.NONE else status[found.verdict]
+    return told, _verdict(found), _rests_on(found)
+
+
+def corrected_words(found: Diagnosis) -> list[str]:
+    """Return what is declared otherwise than the data ask for, a clause for each parameter."""
+    clauses = []
+    for name, declared in found.corrected.items():
+        now = found.calibrated[name]
+        values = (amount(value, now.unit) for value in (declared, now.value))
+        clauses.append("{} is declared as {}, and the data ask for {}".format(name, *values))
+    return clauses
 
 
 def _verdict(found: Diagnosis) -> str:
     if found.verdict is Verdict.NONE:
-        return "Nothing is missing from the model"
+        nothing = "Nothing is missing from the model"
+        return (
+            f"{nothing}, but {_enumeration(words)}"
+            if (words := corrected_words(found))
+            else nothing
+        )
     if found.verdict is Verdict.EFFECT:
         names = [
             f"{_or_equivalent(item.id, found)} (in {where(item.equation)})"
@@ -105,8 +121,10 @@ def _or_equivalent(effect: str, found: Diagnosis) -> str:
 
 
 def _adds_anything(found: Diagnosis) -> bool:
-    """Whether the revised model has an effect or a curve that the declared one lacks."""
-    return bool(found.effects) or any(item.id == LEARNED for item in found.revised.effects)
+    """Whether the revised model has an effect, a curve or a number that the declared one lacks."""
+    return bool(found.effects or found.corrected) or any(
+        item.id == LEARNED for item in found.revised.effects
+    )
 
 
 def _rests_on(found: Diagnosis) -> str:

@@ -152,6 +152,8 @@ class Diagnosis:
         ranking: all candidates, the best first.
         train, holdout, unseen: channel -> errors; unseen runs are held out and of another kind.
         calibrated: parameters of the revised model with intervals.
+        corrected: parameters of these that nobody calibrates, and of which the data ask for another
+            value than the declared one -> that one, SI.
         per_run: run -> parameter of that run alone -> value with its interval; of held-out
             runs by their first part.
         undetermined: directions that the data do not determine, in words.
@@ -184,6 +186,7 @@ class Diagnosis:
     holdout: Mapping[str, ChannelError] = field(default_factory=dict)
     unseen: Mapping[str, ChannelError] = field(default_factory=dict)
     calibrated: Mapping[str, Estimate] = field(default_factory=dict)
+    corrected: Mapping[str, float] = field(default_factory=dict)
     per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
     convergence: Convergence | None = None
@@ -263,6 +266,10 @@ class Diagnosis:
             "covered": None if self.covered is None else self.covered.to_dict(),
             "error_by_value": [item.to_dict() for item in self.error_by_value],
             "calibrated": {name: estimate_to_dict(e) for name, e in self.calibrated.items()},
+            "corrected": {
+                name: {"declared": value, **estimate_to_dict(self.calibrated[name])}
+                for name, value in self.corrected.items()
+            },
             "per_run": own_to_dict(self.per_run),
             "lateness": {name: estimate_to_dict(e) for name, e in self.lateness.items()},
             "undetermined": list(self.undetermined),
@@ -281,7 +288,8 @@ class Diagnosis:
     def write(self, folder: Path) -> None:
         """Write diagnosis.json, revised.yaml, recalibrated.yaml and each rival's model."""
         folder.mkdir(parents=True, exist_ok=True)
-        names = ", ".join(item.id for item in self.effects) or "nothing"
+        changed = (f"another {name}" for name in self.corrected)
+        names = ", ".join((*(item.id for item in self.effects), *changed)) or "nothing"
         self.revised.write(
             folder / "revised.yaml", f"Revised by eha-bench diagnose; added: {names}"
         )

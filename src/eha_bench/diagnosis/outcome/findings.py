@@ -120,6 +120,11 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         dict(sorted(separate.items())),
         _ranking(search),
         calibrated=calibrated,
+        corrected={
+            key: float(model.vector()[layout.index[key]])
+            for key in assumed
+            if key in calibrated and not layout.by_key[key].assumed
+        },
         per_run=own,
         undetermined=undetermined_directions(fit),
         convergence=ended,
@@ -140,7 +145,8 @@ def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
             f"{key} is only assumed in the model; {asked}"
             if parameter.assumed
             else f"{said}, and not calibrated; {asked}, which explains as much as any effect: "
-            "check it, and correct it or list it under `calibrate`"
+            "check it, and the scales of the channels on either side of it; correct it, or list it "
+            "under `calibrate`"
         )
     return notes
 

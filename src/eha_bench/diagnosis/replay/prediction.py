@@ -258,7 +258,7 @@ def predict(
     return tuple(found)
 
 
-class _Part(NamedTuple):
+class _PredictedPart(NamedTuple):
     """Prediction of a log, or of what it holds between two pauses.
 
     Attributes:
@@ -272,7 +272,7 @@ class _Part(NamedTuple):
     notes: tuple[str, ...]
 
 
-def _prediction_of(run: Run, dataset: Dataset, model: Model) -> _Part:
+def _prediction_of(run: Run, dataset: Dataset, model: Model) -> _PredictedPart:
     """Return the prediction of a run, or of a part of one, at the stamps of its recording."""
     plant = model.plant
     compared = dataset.determined(plant)
@@ -306,10 +306,10 @@ def _prediction_of(run: Run, dataset: Dataset, model: Model) -> _Part:
         )
     if measured.start.is_estimated:
         notes += (angles_note({measured.run.name: measured.start}),)
-    return _Part(recording, columns, residuals, notes)
+    return _PredictedPart(recording, columns, residuals, notes)
 
 
-def _joined(run: Run, parts: Sequence[_Part], model: Model) -> Prediction:
+def _joined(run: Run, parts: Sequence[_PredictedPart], model: Model) -> Prediction:
     """Return the prediction of a run from those of its parts; between them nothing is predicted."""
     recording = parts[0].recording if len(parts) == 1 else run.read()
     time = np.array(recording.time)
