@@ -37,8 +37,13 @@ calibrate:
 """
 
 
-def recorded(name: str, folder: Path, number: int) -> str:
-    """Swing the leg by a current of three sines, and read it at 200 Hz; return the log's name."""
+def recorded(name: str, folder: Path, number: int, scale: float) -> str:
+    """Swing the leg by a current of three sines, and read it at 200 Hz; return the log's name.
+
+    Args:
+        name: of the run. folder: of the log. number: of the run, for its sines and its noise.
+        scale: of the speed's readings.
+    """
     noise = np.random.default_rng(number)
     step, every = 1e-4, 50
     time = np.arange(0.0, 5.0, step)
@@ -64,18 +69,19 @@ def recorded(name: str, folder: Path, number: int) -> str:
         {
             "current_command": current[::every],
             "joint_angle": angles + 1e-4 * noise.standard_normal(angles.size),
-            "motor_speed": speeds + 0.1 * noise.standard_normal(speeds.size),
+            "motor_speed": scale * (speeds + 0.1 * noise.standard_normal(speeds.size)),
         },
     )
     write(folder / f"{name}.mcap", recording)
     return f"{name}.mcap"
 
 
-def dataset(folder: Path, ratio: str) -> Path:
-    """Declare the leg with a ratio, and three runs of it."""
+def dataset(folder: Path, ratio: str, scale: float = 1.0) -> Path:
+    """Declare the leg with a ratio, and three runs of it, with a scale of the speed's readings."""
     (folder / "plant.yaml").write_text(PLANT % ratio, encoding="utf-8")
     runs = [
-        f"  - {{log: {recorded(f'run{k}', folder, k)}, use: {'holdout' if k == 2 else 'train'}}}\n"
+        f"  - {{log: {recorded(f'run{k}', folder, k, scale)}, "
+        f"use: {'holdout' if k == 2 else 'train'}}}\n"
         for k in range(3)
     ]
     path = folder / "dataset.yaml"
@@ -96,6 +102,23 @@ def test_a_ratio_that_is_not_calibrated_is_named_with_its_value(tmp_path: Path) 
     assert found.corrected == {"gear.ratio": 10.0}
     speed = found.holdout["motor_speed"]
     assert speed.after < 0.1 * speed.before
+
+
+@pytest.mark.slow(60)
+def test_a_speed_of_another_scale_is_read_right_where_a_ratio_takes_others_too_far(
+    tmp_path: Path,
+) -> None:
+    """A gear of 9 * 1.6 explains it as well, with a torque constant that is off by a third."""
+    found = diagnose(dataset(tmp_path, "9", 1.6))
+    assert found.verdict is Verdict.NONE
+    assert not found.corrected
+    (note,) = (note for note in found.notes if note.startswith("CAUTION: 'motor_speed' reads"))
+    assert float(note.split(" reads ")[1].split(" ")[0]) == pytest.approx(1.6, rel=0.01)
+    assert found.calibrated["motor.torque_constant"].value == pytest.approx(0.105, rel=0.05)
+    # held-out runs are read right as well
+    speed = found.holdout["motor_speed"]
+    assert speed.after == pytest.approx(speed.before, rel=0.1)
+    assert speed.after < 5.0 * speed.noise_floor
 
 
 @pytest.mark.slow(20)

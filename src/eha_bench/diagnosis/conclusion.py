@@ -32,6 +32,7 @@ from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.outcome.remainder import remainder
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
+from eha_bench.diagnosis.outcome.scaled_channel import with_scaled_channel
 from eha_bench.diagnosis.outcome.worst_range import worst_range
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
@@ -75,6 +76,7 @@ class Conclusion:
                 if (given := with_led_commands(self.base, self.search)) is not None:
                     self.base, self.search = given, begin(given, self.search.thresholds)
                     self._decide()
+                self._read_at_scale()
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
                     self.base, self.search = slow, begin(slow, self.search.thresholds)
                     self._decide()
@@ -116,6 +118,15 @@ class Conclusion:
         self.stage = "decide"
         self.refused = prune(self.search)
         self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
+
+    def _read_at_scale(self) -> None:
+        """Decide again with a channel read right that a number of a drawing imitates."""
+        right = with_scaled_channel(self.base, self.search, self._on_progress)
+        if right is not None:
+            # held-out runs are read right as well
+            self.dataset, self.base = right.dataset, right
+            self.search = begin(right, self.search.thresholds)
+            self._decide()
 
     def _decide_with_all_runs(self) -> None:
         """Look for a cause of what only runs show of which the calibrated model explains nothing.

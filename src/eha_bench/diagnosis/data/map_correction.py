@@ -1,4 +1,4 @@
-"""Mistakes of a channel map that readings show: an opposite sign, two channels for one another.
+"""Mistakes of a channel map that readings show: a sign, a scale, two channels for one another.
 
 They are mistakes of the log's description, not of the machine: no effect of the plant explains
 them, and a fit that tries bends every parameter. Readings are corrected as a log is read, so held
@@ -76,6 +76,44 @@ class Reversed:
         return (
             f"CAUTION: opposite sign of {_quoted(self.channels)}: read reversed, as here, the "
             f"error is {factor:.3g} times smaller; correct {keys} in {where}"
+        )
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """A channel of another scale.
+
+    Attributes:
+        channel: it. factor: by which its readings are multiplied.
+    """
+
+    channel: str
+    factor: float
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channel."""
+        return (self.channel,)
+
+    @property
+    def words(self) -> str:
+        """By what it is multiplied."""
+        return f"'{self.channel}' times {self.factor:.4g}"
+
+    def of(self, recording: Recording) -> Recording:
+        """Return a recording with the channel multiplied, where it has it."""
+        values = recording.values
+        if self.channel not in values:
+            return recording
+        scaled = {self.channel: self.factor * values[self.channel]}
+        return replace(recording, values={**values, **scaled})
+
+    def note(self, factor: float, where: str) -> str:
+        """Say what it reads of what there is, and what to look at."""
+        return (
+            f"CAUTION: '{self.channel}' reads {1.0 / self.factor:.4g} times what there is: read "
+            f"right, as here, the error is {factor:.3g} times smaller, and all values are within "
+            f"what is believed of them; correct `scale` in {where}"
         )
 
 

@@ -69,8 +69,14 @@ def compiled_kernel(
         raise
     cache = Path(getattr(kernel, entry).stats.cache_path)
     if not any(cache.glob(f"{name}.{entry}-*.nbi")):
-        _LOG.info("compiling the kernel of %s (once per machine)", plant)
+        _say_that_it_compiles(plant)
     return kernel
+
+
+@cache
+def _say_that_it_compiles(plant: str) -> None:
+    """Say it once, though one with an effect that is tried may be another kernel."""
+    _LOG.info("compiling kernels of %s (once per machine)", plant)
 
 
 def refuse_uncompiled(functions: Iterable[Callable[..., object]]) -> None:
