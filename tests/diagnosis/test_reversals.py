@@ -19,17 +19,18 @@ from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.search.state import Search, starts_of
 from eha_bench.plants.network.file import load_plant
+from eha_bench.plants.plant import Plant
 
 NOISE = {"piston_position": 1e-5, "piston_velocity": 1e-3}
 TIME = np.arange(0.0, 2.0, 2e-3)
 
 
 @pytest.fixture(scope="module")
-def plant(repository: Path):  # type: ignore[no-untyped-def]
+def plant(repository: Path) -> Plant:
     return load_plant(repository / "suites/plants/valve_cylinder.yaml")
 
 
-def run_of(plant, **columns: np.ndarray) -> Measured:  # type: ignore[no-untyped-def]
+def run_of(plant: Plant, **columns: np.ndarray) -> Measured:
     noise = np.random.default_rng(3)
     read = {
         name: values + NOISE.get(name, 1e3) * noise.standard_normal(TIME.size)
@@ -40,7 +41,7 @@ def run_of(plant, **columns: np.ndarray) -> Measured:  # type: ignore[no-untyped
     return admit(run, recording, ["valve_command"], plant.outputs, roles=plant.roles)
 
 
-def search_of(plant, position: np.ndarray) -> Search:  # type: ignore[no-untyped-def]
+def search_of(plant: Plant, position: np.ndarray) -> Search:
     """A search that has just begun on one run, in which the position is read."""
     noise = {"piston_position": NOISE["piston_position"]}
     windows = cut_windows(run_of(plant, piston_position=position), noise)
@@ -52,36 +53,37 @@ def search_of(plant, position: np.ndarray) -> Search:  # type: ignore[no-untyped
     return cast(Search, found)
 
 
-def test_runs_that_go_one_way_do_not(plant) -> None:  # type: ignore[no-untyped-def]
+def test_runs_that_go_one_way_do_not(plant: Plant) -> None:
     there = run_of(plant, piston_position=0.04 * np.clip(TIME - 0.3, 0.0, None))
     back = run_of(plant, piston_position=-0.04 * np.clip(TIME - 0.3, 0.0, None))
     # each goes one way: what lies between the two nobody has seen
     assert not turns_back([there, back], NOISE)
 
 
-def test_one_that_goes_there_and_back_does(plant) -> None:  # type: ignore[no-untyped-def]
+def test_one_that_goes_there_and_back_does(plant: Plant) -> None:
     there = run_of(plant, piston_position=0.04 * TIME)
     swing = run_of(plant, piston_position=1e-3 * np.sin(8.0 * TIME))
     assert turns_back([there, swing], NOISE)
 
 
-def test_a_speed_tells_it_too(plant) -> None:  # type: ignore[no-untyped-def]
+def test_a_speed_tells_it_too(plant: Plant) -> None:
     assert turns_back([run_of(plant, piston_velocity=0.1 * np.sin(8.0 * TIME))], NOISE)
     assert not turns_back([run_of(plant, piston_velocity=0.1 + 0.05 * np.sin(8.0 * TIME))], NOISE)
 
 
-def test_where_nothing_tells_it_may(plant) -> None:  # type: ignore[no-untyped-def]
+def test_where_nothing_tells_it_may(plant: Plant) -> None:
     assert turns_back([run_of(plant, pressure_a=5e6 + 1e6 * np.sin(8.0 * TIME))], NOISE)
 
 
 @pytest.mark.parametrize(("dip", "back"), [(0.05, False), (0.2, True)])
-def test_a_boom_that_sags_as_its_valve_opens_goes_one_way(plant, dip: float, back: bool) -> None:  # type: ignore[no-untyped-def]
+def test_a_boom_that_sags_at_first_goes_one_way(plant: Plant, dip: float, back: bool) -> None:
+    """As its valve opens."""
     position = 0.04 * np.clip(TIME - 0.2, 0.0, None)
     position -= dip * np.ptp(position) * np.clip(TIME / 0.2, 0.0, 1.0)
     assert turns_back([run_of(plant, piston_position=position)], NOISE) is back
 
 
-def test_no_play_is_a_candidate_where_nothing_turns_back(plant) -> None:  # type: ignore[no-untyped-def]
+def test_no_play_is_a_candidate_where_nothing_turns_back(plant: Plant) -> None:
     """A command that is late is: at a start from rest both look the same."""
     one_way, swing = (
         {start.candidate for start in starts_of(search_of(plant, position))}
