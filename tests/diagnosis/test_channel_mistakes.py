@@ -18,6 +18,7 @@ from eha_bench.diagnosis.fit.baseline import calibrated_baseline
 from eha_bench.diagnosis.fit.channel_mistakes import _reversals, suspects
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
+from eha_bench.report.diagnosis_text import headline
 
 PLANT = """\
 plant: two_shafts
@@ -111,6 +112,10 @@ def test_a_mistake_is_no_cause_and_held_out_runs_are_read_without_it(tmp_path: P
     found = diagnose(rig(tmp_path, Reversed((("wheel_speed", 0.0),))))
     assert found.verdict == "none"
     assert any(note.startswith("CAUTION: opposite sign of 'wheel_speed'") for note in found.notes)
+    assert found.misread == ("'wheel_speed' reversed",)
+    status, verdict, _ = headline(found)
+    assert status == "warned"
+    assert verdict.endswith("but its channel map is wrong: 'wheel_speed' reversed is right")
     for error in found.holdout.values():
         assert error.before < 1.3 * error.noise_floor
 

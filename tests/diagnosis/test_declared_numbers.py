@@ -112,6 +112,7 @@ def test_a_speed_of_another_scale_is_read_right_where_a_ratio_takes_others_too_f
     found = diagnose(dataset(tmp_path, "9", 1.6))
     assert found.verdict is Verdict.NONE
     assert not found.corrected
+    assert len(found.misread) == 1
     (note,) = (note for note in found.notes if note.startswith("CAUTION: 'motor_speed' reads"))
     assert float(note.split(" reads ")[1].split(" ")[0]) == pytest.approx(1.6, rel=0.01)
     assert found.calibrated["motor.torque_constant"].value == pytest.approx(0.105, rel=0.05)

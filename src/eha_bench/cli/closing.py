@@ -150,10 +150,10 @@ def _leave_if_failed(failed: FailedStage | None, out: Path) -> None:
 def _say_verdict(found: Diagnosis) -> None:
     """Print verdict, causes and the held-out error before and after."""
     from eha_bench.plants.effect import EVERYWHERE
-    from eha_bench.report.diagnosis_text import corrected_words, no_interval_of
+    from eha_bench.report.diagnosis_text import declared_wrongly, no_interval_of
 
     say(f"verdict: {found.verdict.value}{_unfinished_note(found)}")
-    for clause in corrected_words(found):
+    for clause in declared_wrongly(found):
         say(f"  {clause}")
     for effect in found.effects:
         why = no_interval_of(effect, found)

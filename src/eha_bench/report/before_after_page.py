@@ -152,7 +152,9 @@ def _covered_facts(diagnosis: Mapping[str, Any]) -> list[Fact]:
 
 def _cause(diagnosis: Mapping[str, Any]) -> str:
     if diagnosis["verdict"] == "none":
-        but = ", ".join(f"another {name}" for name in diagnosis.get("corrected") or {})
+        numbers = [f"another {name}" for name in diagnosis.get("corrected") or {}]
+        maps = [f"another channel map ({words})" for words in diagnosis.get("misread") or []]
+        but = ", ".join([*numbers, *maps])
         return f"Nothing is missing from the model{f' but {but}' if but else ''}."
     if diagnosis["verdict"] == "effect":
         causes = [f"{words_of(i['id'])} (in {where(i['equation'])})" for i in diagnosis["effects"]]

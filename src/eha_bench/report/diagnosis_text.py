@@ -78,13 +78,13 @@ def headline(found: Diagnosis) -> tuple[str, str, str]:
     if not found.complete:
         return "incomplete", _verdict(found), "Interrupted: " + _rests_on(found)
     status = {Verdict.NONE: "passed", Verdict.EFFECT: "warned", Verdict.UNKNOWN: "undecided"}
-    told = "warned" if found.corrected and found.verdict is Verdict.NONE else status[found.verdict]
-    return told, _verdict(found), _rests_on(found)
+    wrong = found.verdict is Verdict.NONE and declared_wrongly(found)
+    return "warned" if wrong else status[found.verdict], _verdict(found), _rests_on(found)
 
 
-def corrected_words(found: Diagnosis) -> list[str]:
-    """Return what is declared otherwise than the data ask for, a clause for each parameter."""
-    clauses = []
+def declared_wrongly(found: Diagnosis) -> list[str]:
+    """Return what is declared otherwise than the data ask for, a clause for each mistake."""
+    clauses = [f"its channel map is wrong: {words} is right" for words in found.misread]
     for name, declared in found.corrected.items():
         now = found.calibrated[name]
         values = (amount(value, now.unit) for value in (declared, now.value))
@@ -94,12 +94,9 @@ def corrected_words(found: Diagnosis) -> list[str]:
 
 def _verdict(found: Diagnosis) -> str:
     if found.verdict is Verdict.NONE:
-        nothing = "Nothing is missing from the model"
-        return (
-            f"{nothing}, but {_enumeration(words)}"
-            if (words := corrected_words(found))
-            else nothing
-        )
+        wrong = declared_wrongly(found)
+        but = f", but {_enumeration(wrong)}" if wrong else ""
+        return f"Nothing is missing from the model{but}"
     if found.verdict is Verdict.EFFECT:
         names = [
             f"{_or_equivalent(item.id, found)} (in {where(item.equation)})"

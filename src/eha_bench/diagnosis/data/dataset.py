@@ -217,6 +217,7 @@ class Dataset:
         source: the file, for messages. inputs_at: where it names its inputs.
         computed: channels that are computed in every run, by name.
         notes: what is read otherwise than the files say, one sentence each.
+        misread: channels that their map mistakes, with how they are read instead.
     """
 
     model: Model
@@ -226,6 +227,7 @@ class Dataset:
     inputs_at: Place = field(default_factory=Place)
     computed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    misread: tuple[str, ...] = ()
 
     @property
     def training(self) -> tuple[Run, ...]:

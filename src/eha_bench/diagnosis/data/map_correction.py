@@ -157,7 +157,7 @@ def corrected(
         dataset: to correct. correction: of its channels. wrong: channel maps of these runs.
     """
     runs = [run.read_with(correction.of) if run.channels in wrong else run for run in dataset.runs]
-    return replace(dataset, runs=tuple(runs))
+    return replace(dataset, runs=tuple(runs), misread=(*dataset.misread, correction.words))
 
 
 def _quoted(names: Iterable[str]) -> str:

@@ -154,6 +154,7 @@ class Diagnosis:
         calibrated: parameters of the revised model with intervals.
         corrected: parameters of these that nobody calibrates, and of which the data ask for another
             value than the declared one -> that one, SI.
+        misread: channels that their map mistakes, with how they are read instead.
         per_run: run -> parameter of that run alone -> value with its interval; of held-out
             runs by their first part.
         undetermined: directions that the data do not determine, in words.
@@ -187,6 +188,7 @@ class Diagnosis:
     unseen: Mapping[str, ChannelError] = field(default_factory=dict)
     calibrated: Mapping[str, Estimate] = field(default_factory=dict)
     corrected: Mapping[str, float] = field(default_factory=dict)
+    misread: tuple[str, ...] = ()
     per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
     convergence: Convergence | None = None
@@ -270,6 +272,7 @@ class Diagnosis:
                 name: {"declared": value, **estimate_to_dict(self.calibrated[name])}
                 for name, value in self.corrected.items()
             },
+            "misread": list(self.misread),
             "per_run": own_to_dict(self.per_run),
             "lateness": {name: estimate_to_dict(e) for name, e in self.lateness.items()},
             "undetermined": list(self.undetermined),
