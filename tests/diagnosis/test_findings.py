@@ -44,7 +44,7 @@ def finished_search(*added: str, **truth: float) -> Search:
 
 
 def found(search: Search, verdict: Verdict = Verdict.EFFECT, *notes: str) -> Diagnosis:
-    dataset: Any = SimpleNamespace(model=model())
+    dataset: Any = SimpleNamespace(model=model(), misread=())
     base: Any = SimpleNamespace(
         keys=(MASS,), nuisance=(), notes=("of the gate",), starts=1, agreed=1, measured=()
     )

@@ -120,7 +120,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         dict(sorted(separate.items())),
         _ranking(search),
         calibrated=calibrated,
-        misread=base.dataset.misread,
+        misread=dataset.misread,
         corrected={
             key: float(model.vector()[layout.index[key]])
             for key in assumed
