@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -78,8 +77,7 @@ def _best(base: Baseline, found: Sequence[_Corrected]) -> Baseline:
     words.pop(best.suspect.correction.words, None)  # in other maps
     if words:
         note += f"; {' or '.join(words)} would do as well"
-    dataset = replace(best.base.dataset, notes=(*best.base.dataset.notes, note))
-    return replace(best.base, dataset=dataset, notes=(note, *best.base.notes))
+    return best.base.noting_its_map(note)
 
 
 def _left(base: Baseline, other: Baseline) -> float:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -159,6 +160,11 @@ class Run:
             RecordingError: as `read`.
         """
         return (self.reader(),) if self.by_topic is None else self.by_topic()
+
+    def read_once(self) -> Run:
+        """Return the same run, which keeps what it has read of its log."""
+        by_topic = None if self.by_topic is None else cache(self.by_topic)
+        return replace(self, reader=cache(self.reader), by_topic=by_topic)
 
     def read_with(self, change: Callable[[Recording], Recording]) -> Run:
         """Return the same run with a change of each recording that is read of it."""

@@ -90,6 +90,11 @@ class Baseline:
         measured = tuple(item.at_angles(starts) for item in self.measured)
         return replace(self, measured=measured, problem=self.problem.at_angles(starts))
 
+    def noting_its_map(self, note: str) -> Baseline:
+        """Return the same with a note, the first, on a channel map that its dataset corrects."""
+        dataset = replace(self.dataset, notes=(*self.dataset.notes, note))
+        return replace(self, dataset=dataset, notes=(note, *self.notes))
+
 
 def no_progress(_stage: str, _fraction: float) -> None:
     """Say nothing."""

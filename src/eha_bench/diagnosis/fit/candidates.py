@@ -173,7 +173,8 @@ def all_starts(
         starts = effect_starts(layout, effect)
         found += [start for start in starts if _can_be_missing(layout, effect, start, vector)]
     # a single rod is an effect, so an area of two that are declared the same is no number in doubt
-    paired = {name for effect in layout.effects for name in _same(layout, effect.alike(), vector)}
+    pairs = [effect.alike() for effect in layout.effects]
+    paired = {name for pair in pairs if _are_same(layout, pair, vector) for name in pair}
     for parameter in layout.parameters:
         if parameter.name in calibrated or parameter.size > 1 or parameter.name in paired:
             continue
@@ -244,12 +245,10 @@ def _can_be_missing(layout: Layout, effect: BoundEffect, start: Start, vector: F
     if needed is not None and (not needed or vector[layout.index[needed]] == 0.0):
         return False
     alike = effect.alike(values)
-    return len(alike) < 2 or len(_same(layout, alike, vector)) > 0
+    return len(alike) < 2 or _are_same(layout, alike, vector)
 
 
-def _same(layout: Layout, names: Sequence[str], vector: FloatArray) -> Sequence[str]:
-    """Return two parameters where they are declared the same, else nothing."""
-    if len(names) < 2:
-        return ()
-    one, two = (float(vector[layout.index[name]]) for name in names[:2])
-    return names if abs(one - two) <= _SAME * abs(one) else ()
+def _are_same(layout: Layout, names: Sequence[str], vector: FloatArray) -> bool:
+    """Whether there are two parameters, and they are declared the same."""
+    values = [float(vector[layout.index[name]]) for name in names]
+    return len(values) == 2 and abs(values[0] - values[1]) <= _SAME * abs(values[0])

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -57,8 +56,7 @@ def with_scaled_channel(base: Baseline, search: Search, progress: ProgressHook) 
             other = calibrated_baseline(suspect.corrects(base.dataset), progress)
             if _holds(search, base, other):
                 note = suspect.correction.note(math.sqrt(before), suspect.where)
-                dataset = replace(other.dataset, notes=(*other.dataset.notes, note))
-                return replace(other, dataset=dataset, notes=(note, *other.notes))
+                return other.noting_its_map(note)
     return None
 
 

@@ -237,15 +237,18 @@ def predict(
         model = dataset.model
     elif not isinstance(model, Model):
         model = model_from(model)
-    dataset.determined(model.plant)  # refuses inputs that drive nothing, before anything is read
+    compared = dataset.determined(model.plant)
     if out is not None:
         writable(Path(out))
     found = []
     for number, run in enumerate(dataset.runs):
         if progress:
             progress(run.name, number / len(dataset.runs))
-        parts = parted_at_pauses([run], ())
-        prediction = _joined(run, [_prediction_of(part, dataset, model) for part in parts], model)
+        parts = [
+            _prediction_of(part, dataset.inputs, compared, model)
+            for part in parted_at_pauses([run.read_once()], ())
+        ]
+        prediction = _joined(run, parts, model)
         if out is not None:
             folder = Path(out)
             folder.mkdir(parents=True, exist_ok=True)
@@ -272,14 +275,15 @@ class _PredictedPart(NamedTuple):
     notes: tuple[str, ...]
 
 
-def _prediction_of(run: Run, dataset: Dataset, model: Model) -> _PredictedPart:
+def _prediction_of(
+    run: Run, inputs: Sequence[str], compared: Sequence[str], model: Model
+) -> _PredictedPart:
     """Return the prediction of a run, or of a part of one, at the stamps of its recording."""
     plant = model.plant
-    compared = dataset.determined(plant)
     recording = run.read()
-    topics = topics_from_onset(run, dataset.inputs, compared, plant.roles)
-    sampled = on_ticks(topics, dataset.inputs, compared)
-    measured = admit(run, sampled, dataset.inputs, compared, strict=False, roles=plant.roles)
+    topics = topics_from_onset(run, inputs, compared, plant.roles)
+    sampled = on_ticks(topics, inputs, compared)
+    measured = admit(run, sampled, inputs, compared, strict=False, roles=plant.roles)
     measured = _at_its_angle(_with_its_own(measured, model), model)
     start = first_sample(measured, model)
     values = simulate_from(measured, model, start.state, STEP)
