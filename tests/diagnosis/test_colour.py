@@ -162,3 +162,14 @@ def test_all_of_the_noise_behind_a_sampled_filter_is_seen(order, cutoff) -> None
     new = colour.whitened(read)
     assert noise_of(new) / colour.sharpness == pytest.approx(1.0, abs=0.1)
     assert not swings(colour)
+
+
+@pytest.mark.parametrize("count", [2, 3, 40])
+def test_what_is_new_in_noise_has_the_squares_of_its_inverse_covariance(count) -> None:
+    """Also over fewer samples than the process remembers."""
+    colour = Colour((0.7, -0.4, 0.2))
+    values = np.random.default_rng(3).normal(size=(count, 5))
+    white = colour.whitened_from_first(values)
+    covariance = toeplitz(colour.correlations(count))
+    expected = np.einsum("ij,ij->j", values, np.linalg.solve(covariance, values))
+    assert np.sum(white**2, axis=0) == pytest.approx(expected, rel=1e-12)

@@ -21,10 +21,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import minimize
 
 from eha_bench.core.arrays import FloatArray
@@ -41,7 +40,7 @@ _ORDERS = 8
 _IN_VAIN = 2
 """Orders in a row that are not worth it, after which no higher one is tried."""
 _LONGEST = 256
-"""Most samples of a stretch in a fit: its cost is cubic in them."""
+"""Most samples of a stretch in a fit: over more, what is slow is no parabola."""
 _MOST = 300
 """Most stretches in a fit: correlations are then known to less than a hundredth."""
 _SLOWEST = 0.99
@@ -112,12 +111,25 @@ class Colour:
 
         NaN where a sample, or one of those before that it remembers, is.
         """
+        out = self.whitened_from_first(values)
+        out[: len(self.partial)] = np.nan
+        return out
+
+    def whitened_from_first(self, values: FloatArray) -> FloatArray:
+        """Return what is new in every sample, (n, ...), its noise white and of the same size.
+
+        The first ones are told by as many as there are before them.
+        """
+        order, size = len(self.partial), values.shape[0]
         factors, left = self.predictors[-1]
-        out = values.copy()
+        out = values[:order].copy()
+        for at, (known, unknown) in enumerate(self.predictors[: out.shape[0]]):
+            out[at] -= np.tensordot(known[::-1], values[:at], axes=1)
+            out[at] /= unknown
+        later = values[order:] / left
         for lag, factor in enumerate(factors, start=1):
-            out[lag:] -= factor * values[:-lag]
-        out[: factors.size] = np.nan
-        return out / left
+            later -= (factor / left) * values[order - lag : max(size, order) - lag]
+        return np.concatenate([out, later])
 
 
 def colour_of(stretches: Sequence[FloatArray]) -> Colour | None:
@@ -231,19 +243,20 @@ def _colour(free: FloatArray) -> Colour:
 
 
 def _minus_twice_log(colour: Colour, tables: Sequence[FloatArray]) -> float:
-    """Return minus twice the restricted log likelihood, the noise's size at its best."""
+    """Return minus twice the restricted log likelihood, the noise's size at its best.
+
+    What every sample says beyond those before it is white, and its size does not depend on them:
+    the determinant of the noise's covariance is the product of these sizes squared.
+    """
     volume, square, count = 0.0, 0.0, 0
+    order = len(colour.partial)
+    sizes = np.array([left for _, left in colour.predictors])
     for table in tables:
         size, columns = table.shape
-        factor = cho_factor(toeplitz(colour.correlations(size)), lower=True)
-        # a factor that was found is finite, and need not be looked at again
-        solve = partial(cho_solve, check_finite=False)
-        basis = _parabolas(size)
-        inner = cho_factor(basis.T @ solve(factor, basis), lower=True, check_finite=False)
-        solved = cho_solve(factor, table)
-        along = basis.T @ solved
-        square += float(np.sum(table * solved) - np.sum(along * solve(inner, along)))
-        logs = np.log(np.diag(factor[0])).sum() + np.log(np.diag(inner[0])).sum()
-        volume += 2.0 * columns * float(logs)
+        white = colour.whitened_from_first(table)
+        basis, factor = np.linalg.qr(colour.whitened_from_first(_parabolas(size)))
+        square += float(np.sum(white**2) - np.sum((basis.T @ white) ** 2))
+        logs = np.log(sizes[:-1][:size]).sum() + max(size - order, 0) * np.log(sizes[-1])
+        volume += 2.0 * columns * float(logs + np.log(np.abs(np.diag(factor))).sum())
         count += columns * (size - basis.shape[1])
     return volume + count * float(np.log(square / count))

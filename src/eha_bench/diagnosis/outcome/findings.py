@@ -41,11 +41,17 @@ def units_of(model: Model) -> dict[str, str]:
 
 
 def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decision) -> Diagnosis:
-    """Return what was found, without errors: no run is replayed here."""
+    """Return what was found, without errors: no run is replayed here.
+
+    Where nothing was added, the search is left at the bottom of its cost.
+    """
     model = dataset.model
     layout = model.plant.layout
     end = _converged_fit(search, decision)
     fit = end.fit
+    if not search.accepted and not decision.learned:
+        # nothing was added: the revised model is the recalibrated one, as far down as it goes
+        search.base = search.fit = fit
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
         added.append(LEARNED)
