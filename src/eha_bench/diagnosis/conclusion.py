@@ -17,6 +17,7 @@ from eha_bench.diagnosis.outcome.beyond_training import beyond_training, uncheck
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameters
+from eha_bench.diagnosis.outcome.doubtful_numbers import doubtful_number
 from eha_bench.diagnosis.outcome.findings import assemble
 from eha_bench.diagnosis.outcome.honest import (
     against_the_end,
@@ -95,6 +96,8 @@ class Conclusion:
             found = self._without_effect(against)
         if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
+        if found.complete and found.verdict is Verdict.NONE and not self.search.accepted:
+            self.found = found = self._with_doubtful_number(found)
         if found.complete and found.verdict is Verdict.UNKNOWN:
             found = self._with_misplaced_column(self._with_rare_stretches(found))
             self.found = found = self._with_worst_range(self._with_differing_runs(found))
@@ -169,6 +172,11 @@ class Conclusion:
         """Note a column of the log that stands a row beside its place."""
         column = misplaced_column(self.search)
         return found if column is None else found.with_note(column.note)
+
+    def _with_doubtful_number(self, found: Diagnosis) -> Diagnosis:
+        """Note a number with which all would be as believed that is not."""
+        number = doubtful_number(self.search)
+        return found if number is None else found.with_note(number.note)
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
         """Note loads, masses or friction whose differences between runs explain it."""

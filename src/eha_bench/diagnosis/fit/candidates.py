@@ -173,8 +173,7 @@ def all_starts(
         starts = effect_starts(layout, effect)
         found += [start for start in starts if _can_be_missing(layout, effect, start, vector)]
     # a single rod is an effect, so an area of two that are declared the same is no number in doubt
-    pairs = [effect.alike() for effect in layout.effects]
-    paired = {name for pair in pairs if _are_same(layout, pair, vector) for name in pair}
+    paired = {name for pair in pairs_alike(layout, vector) for name in pair}
     for parameter in layout.parameters:
         if parameter.name in calibrated or parameter.size > 1 or parameter.name in paired:
             continue
@@ -222,6 +221,12 @@ def value_start(
     ends = sorted((value / off_by, value * off_by))
     low, high = max(parameter.low, ends[0]), min(parameter.high, ends[1])
     return Start(f"parameter:{key}", (), at, value, value * probed, low, high, (key,), "")
+
+
+def pairs_alike(layout: Layout, vector: FloatArray) -> list[tuple[str, ...]]:
+    """Return pairs of parameters that are declared the same, and that an effect makes unequal."""
+    pairs = [effect.alike() for effect in layout.effects]
+    return [pair for pair in pairs if _are_same(layout, pair, vector)]
 
 
 def is_drawn(layout: Layout, start: Start) -> bool:
