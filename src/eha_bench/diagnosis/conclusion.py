@@ -301,14 +301,18 @@ class Conclusion:
     def _unknown_in_held_out(self) -> Diagnosis:
         """Say that something acts in held-out runs alone, and in which balance."""
         self.stage = "locate"
+        nothing_missing = self.decision
+        self._decided(in_held_out(nothing_missing, ""))
         problem = held_out_windows(self.dataset, self.base, self.found.revised)
-        equation = ""
         if problem is not None:
             _, equation, _ = locate(problem, self.search.fit, COARSE, self._on_progress)
-        self.decision = in_held_out(self.decision, equation)
-        verdict, unknown = self.decision.verdict, self.decision.unknown
-        self.found = replace(self.found, verdict=verdict, unknown=unknown)
+            self._decided(in_held_out(nothing_missing, equation))
         return self.found
+
+    def _decided(self, decision: Decision) -> None:
+        """Take another verdict on what was found, so that it stands if what follows fails."""
+        self.decision = decision
+        self.found = replace(self.found, verdict=decision.verdict, unknown=decision.unknown)
 
     def _without_the_curve(self, why: str) -> Diagnosis:
         """Leave a learned curve out of the revised model with which replays are worse."""

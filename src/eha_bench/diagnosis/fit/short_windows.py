@@ -61,6 +61,9 @@ def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[P
     windows = [
         w for measured in runs for w in _aligned_windows(problem, measured, period, length, most)
     ]
+    if not windows:
+        # all runs are too short to be cut
+        return problem, period
     whole = Problem(problem.plant, windows, problem.noise, problem.step, stretch=problem.stretch)
     whole.prepare(vector)
     left = np.minimum(
@@ -83,7 +86,8 @@ def _aligned_windows(
     problem: Problem, measured: Measured, period: float, length: float, most: int
 ) -> list[Window]:
     time = measured.time
-    turns = _evenly(np.arange(int(time[-1] / period)), _LOOKED_AT * most)
+    # a run that is shorter than a period has one window
+    turns = _evenly(np.arange(max(int(time[-1] / period), 1)), _LOOKED_AT * most)
     found = []
     for turn in turns:
         first, last = np.searchsorted(time, (turn * period - 1e-9, turn * period + length))

@@ -180,7 +180,7 @@ def scores_of(
 
 
 def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem | None:
-    """Return the residuals of a model over windows of the held-out runs, None without any.
+    """Return the residuals of a model over windows of the held-out runs, None where they have none.
 
     Args:
         dataset: all runs. base: what was fitted. model: as fitted; a run's own parameters are
@@ -192,7 +192,7 @@ def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem 
     own = [first_part(item, model, noise).values for item in runs]
     known = [item.knowing(values) for item, values in zip(runs, own, strict=True)]
     problem = _windows_of(dataset, known, noise)
-    if problem is None:
+    if problem is None or problem.size == 0:
         return None
     return steady_problem(problem, problem.places.lengthened(model.vector()))
 

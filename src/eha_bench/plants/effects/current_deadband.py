@@ -8,7 +8,9 @@ an edge. Then the effective current is that of the softened dead zone,
 
     i_eff = w ln[(1 + e^((i - d_+) / w)) / (1 + e^(-(i + d_-) / w))],   w = d / 3
 
-In the drive (its switches' dead time) the current sensor sees it; in the motor it does not.
+In the drive (its switches' dead time) the current sensor sees it; in the motor it does not. A motor
+that a voltage drives has no current that is commanded, so there it is the voltage's, or the duty
+cycle's.
 
 Source: Tao, Kokotovic, IEEE Trans. Automatic Control 39 (1994) 59, doi:10.1109/9.273339 (dead
 zones of actuators, with edges of their own on either side); Leonhard, Control of Electrical Drives,

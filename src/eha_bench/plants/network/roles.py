@@ -25,6 +25,8 @@ _PIN = 2e7
 """Stiffness of a rod's hardened pin, N/m."""
 _BENT, _ARM = 1e-3, 0.03
 """By how much a joint is bent by what is usual there, rad, and of a rod as at such an arm, m."""
+_STRONG = 30.0
+"""What accelerates a mass, in efforts that matter there."""
 _CONTACT = 1e3
 """How fast a shaft swings on the teeth that it leans on, rad/s: faster asks for shorter steps."""
 
@@ -369,10 +371,13 @@ def _drives(system: System) -> Iterator[tuple[PlantInput, BoundElement]]:
 
 def _motor_drive(system: System) -> Iterator[Spot]:
     """The drive of a motor."""
-    kinds = {part.name: part.element.kind.id for part in system.parts.values()}
     for spot in _drive(system):
-        if kinds[spot.name] in ("motor", "linear_motor"):
-            yield spot
+        part = system.parts[spot.name]
+        if part.element.kind.id not in ("motor", "linear_motor"):
+            continue
+        # of a voltage, what is commanded is not what makes the torque
+        words = {"place": ("drive",)} if _is_voltage_driven(part) else {}
+        yield replace(spot, words=words)
 
 
 def _voltage_drive(system: System) -> Iterator[Spot]:
@@ -380,11 +385,7 @@ def _voltage_drive(system: System) -> Iterator[Spot]:
     for spot in _drive(system):
         part = system.parts[spot.name]
         current = next((q for q in part.anatomy.quantities if q.name == "current"), None)
-        if (
-            part.element.kind.id != "motor"
-            or current is None
-            or "resistance" not in {item.name for item in part.anatomy.parameters}
-        ):
+        if part.element.kind.id != "motor" or current is None or not _is_voltage_driven(part):
             continue
         winding = {
             "winding": shown_expression(system, system.call(part, current.law)),
@@ -398,6 +399,11 @@ def _voltage_drive(system: System) -> Iterator[Spot]:
         yield replace(
             spot, names={**spot.names, **winding}, hooks={**spot.hooks, "read_current": reads}
         )
+
+
+def _is_voltage_driven(part: BoundElement) -> bool:
+    """Whether a motor's current follows from a voltage and its speed."""
+    return "resistance" in {item.name for item in part.anatomy.parameters}
 
 
 def _valve_drive(system: System) -> Iterator[Spot]:
@@ -648,6 +654,26 @@ def _pressure_sensor(system: System) -> Iterator[Spot]:
                 also=(item.of,),
                 sensors=(item.channel,),
             )
+
+
+def _speed_sensor(system: System) -> Iterator[Spot]:
+    """A sensor of the speed of what has inertia."""
+    moved = {item.speed: item for item in system.coordinates if system.inertias(item)}
+    for output in system.outputs:
+        item = moved.get(output.state)
+        if item is None:
+            continue
+        turns = item.node.kind is NodeKind.ROTATION
+        inertia = _default(system, item.node.name, "inertia" if turns else "mass")
+        strong = _STRONG * usual_effort(system, item)
+        yield Spot(
+            output.channel,
+            Equation.MEASUREMENT,
+            {"reading": (Hook(f"reading:{output.channel}"),)},
+            {"speed": f"X[{output.state}]"},
+            usual={"acceleration": strong / inertia if inertia else 0.0},
+            sensors=(output.channel,),
+        )
 
 
 def _loaded_shaft(system: System) -> Iterator[Spot]:
@@ -1038,6 +1064,7 @@ _ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
     "cylinder": _cylinder,
     "oil": _oil,
     "pressure_sensor": _pressure_sensor,
+    "speed_sensor": _speed_sensor,
     "sliding_joint": _sliding_joint,
     "loaded_shaft": _loaded_shaft,
     "turning_joint": _turning_joint,
