@@ -127,3 +127,22 @@ def test_a_right_ratio_is_left_alone(tmp_path: Path) -> None:
     found = diagnose(dataset(tmp_path, "9"))
     assert found.verdict is Verdict.NONE
     assert not [note for note in found.notes if "gear.ratio" in note]
+
+
+@pytest.mark.slow(40)
+def test_a_number_that_others_make_up_for_is_named_where_these_are_not_as_believed(
+    tmp_path: Path,
+) -> None:
+    """All torques are in proportion: a motor's constant makes all loads too large by a fourth."""
+    path = dataset(tmp_path, "9")
+    plant = (tmp_path / "plant.yaml").read_text(encoding="utf-8")
+    plant = plant.replace("torque_constant: 0.1 N*m/A", "torque_constant: 0.131 N*m/A")
+    plant = plant.replace("  - {parameter: motor.torque_constant, within: 15 %}\n", "")
+    plant = re.sub(r"within: \d+ %", "within: 8 %", plant)
+    (tmp_path / "plant.yaml").write_text(plant, encoding="utf-8")
+    found = diagnose(path)
+    assert found.verdict is Verdict.NONE
+    (note,) = (note for note in found.notes if note.startswith("CAUTION: nothing is missing"))
+    said = re.search(r"motor.torque_constant is declared as 0.131 .* with ([\d.]+) N", note)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(TORQUE_CONSTANT, rel=0.03)

@@ -202,6 +202,14 @@ def test_nothing_to_compare_is_an_error():
         admit(run(reading), reading, ["current_command"], OUTPUTS)
 
 
+def test_channels_that_never_change_are_not_said_to_be_absent():
+    still = {name: np.full(20, 2.0) for name in OUTPUTS[:2]}
+    reading = Recording(np.arange(20.0), {"current_command": np.arange(20.0), **still})
+    with pytest.raises(InputError, match="no channel of the plant changes: ") as told:
+        admit(run(reading), reading, ["current_command"], OUTPUTS)
+    assert all(name in str(told.value) for name in still)
+
+
 def test_what_several_runs_say_alike_is_said_once():
     one = admit(run(recording()), recording(), ["current_command"], OUTPUTS)
     runs = [

@@ -22,7 +22,7 @@ from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.beliefs import Belief
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.evidence import Improvement
+from eha_bench.diagnosis.fit.evidence import Excess, Improvement
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training, unchecked
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
@@ -454,3 +454,44 @@ def test_a_calibration_is_there_before_its_errors(tmp_path, monkeypatch):
     assert content["complete"] is False
     assert content["parameters"]["mass"]["value"] > 0.0
     assert (tmp_path / "o" / "calibrated.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("left", "other", "refused"),
+    [
+        (0.001, "widening_leakage", True),
+        # ten times smaller than the other, as a hundredth of the square says
+        (0.01, "widening_leakage", False),
+        (0.001, "entrained_air", False),
+    ],
+)
+def test_what_another_leaves_at_the_same_place_is_the_form_of_its_law(
+    monkeypatch: pytest.MonkeyPatch, left, other, refused
+):
+    import numpy as np
+
+    from eha_bench.diagnosis.outcome import honest
+    from eha_bench.plants.registry import get_plant
+
+    layout = get_plant("eha_knee").layout
+    vector = np.zeros(layout.size)
+    items = []
+    for name in (other, "relief_valve"):
+        key = f"{name}.{layout.effect(name).strength.name}"
+        start = Start(name, (), layout.index[key], 0.0, 0.02, 0.0, 0.5, (key,), "flow")
+        items.append(Accepted(start, GOOD, ()))
+    missing = Excess(left * 1e6, 10**4, 50.0, {})
+    monkeypatch.setattr(honest, "excess", lambda *_: missing)
+    monkeypatch.setattr(honest, "compare", lambda *_: GOOD)
+    monkeypatch.setattr(honest, "is_within_disagreement", lambda *_: False)
+    search = SimpleNamespace(
+        thresholds=DEFAULT,
+        problem=SimpleNamespace(plant=SimpleNamespace(layout=layout)),
+        effects=items,
+        fit=SimpleNamespace(vector=vector, cost=0.0),
+        groups=None,
+        excess_base=SimpleNamespace(total=1e6),
+    )
+    text = honest._beside_others(search, items[1], SimpleNamespace(cost=1.0))
+    assert (f"it acts where {other} does" in text) is refused, text
+    assert refused or text == ""

@@ -131,6 +131,19 @@ def test_a_product_is_named_as_a_product():
     )
 
 
+def test_a_sum_is_no_product():
+    """K + B: with K = 2 and B = 3 a per cent of K is as much as two thirds of one of B."""
+    rng = np.random.default_rng(0)
+    column = rng.standard_normal(1000)
+    # by relative changes
+    matrix = np.column_stack([2.0 * column, 3.0 * column])
+    fit = linear_fit(matrix, rng.standard_normal(1000), ["K", "B"], np.array([2.0, 3.0]))
+    assert undetermined_directions(fit) == (
+        "K and B only together: where the first grows by 1 %, the second falls by 0.67 % (the data "
+        "do not depend on it)",
+    )
+
+
 def test_a_ratio_is_named_as_a_ratio():
     rng = np.random.default_rng(0)
     column = rng.standard_normal(1000)

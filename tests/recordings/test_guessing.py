@@ -32,6 +32,12 @@ def test_a_clock_in_any_unit_of_time(tmp_path: Path, unit: str) -> None:
     assert f'time: {{column: "Time [{unit}]", unit: {unit}}}' in first_map(tmp_path / "log.csv")
 
 
+def test_a_column_of_dates_is_the_clock(tmp_path: Path) -> None:
+    rows = "".join(f"2025-11-09T09:27:0{k}.5Z,{k}\n" for k in range(4))
+    (tmp_path / "log.csv").write_text(f"stamp,p_a\n{rows}")
+    assert "time: {column: stamp}" in first_map(tmp_path / "log.csv")
+
+
 def test_thousands_of_columns_like_nothing_are_not_compared_letter_by_letter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,7 @@ from eha_bench.core.errors import Place, RecordingError, UnitError
 from eha_bench.core.units import base_unit, factor_and_offset
 from eha_bench.recordings.budget import OverBudget, budget, spending
 from eha_bench.recordings.information import RecordingInformation, info
+from eha_bench.recordings.source import HOLDS_DATES
 from eha_bench.recordings.tables.self_description import named_unit
 from eha_bench.recordings.values import ValueInformation
 
@@ -235,6 +236,8 @@ def _clocks(found: RecordingInformation) -> list[tuple[str, str]]:
 
 
 def _clock_lines(found: RecordingInformation) -> list[str]:
+    if dates := next((item.name for item in found.topics if HOLDS_DATES in item.readable), ""):
+        return [f"time: {{column: {_quoted(dates)}}}  # guessed: it {HOLDS_DATES}"]
     clocks = _clocks(found)
     if clocks:
         name, unit = clocks[0]

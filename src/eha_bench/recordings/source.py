@@ -14,6 +14,9 @@ from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.naming import printable
 from eha_bench.recordings.track import Track
 
+HOLDS_DATES = "holds dates"
+"""What is said of a column that is no number, and may be the clock."""
+
 
 @dataclass(frozen=True)
 class Topic:

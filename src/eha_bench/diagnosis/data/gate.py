@@ -132,12 +132,7 @@ def admit(
         columns.append(np.where(good, raw, 0.0))
         masks.append(good)
     if not names and strict:
-        raise RecordingError(
-            "no channel of the plant is measured",
-            where=where,
-            hint=f"one of {', '.join(outputs)} must be there and change; it has: "
-            f"{', '.join(recording)}; map it in channels.yaml",
-        )
+        raise _nothing_compared(outputs, recording, where)
     breaks = {*_clock(run, time, driven.values, driven.missing, notes)}
     breaks |= {int(k) for item in driven.unsure.values() for k in item.anew if k < time.size}
     return Measured(
@@ -158,6 +153,26 @@ def admit(
         late={name: sampled.late[name] for name in names if name in sampled.late},
         unsure={name: item for name, item in driven.unsure.items() if item.ticks.size},
         apart=apart,
+    )
+
+
+def _nothing_compared(
+    outputs: Collection[str], recording: Recording, where: Place
+) -> RecordingError:
+    """Return the error of a run in which nothing of the plant is to be compared."""
+    there = [name for name in outputs if name in recording]
+    if not there:
+        return RecordingError(
+            "no channel of the plant is measured",
+            where=where,
+            hint=f"one of {', '.join(outputs)} must be there; it has: {', '.join(recording)}; map "
+            "it in channels.yaml",
+        )
+    return RecordingError(
+        f"no channel of the plant changes: {', '.join(there)} has one value, or none, from end to "
+        "end",
+        where=where,
+        hint="a dead sensor, or a run that stands still, tells a fit nothing: leave the run out",
     )
 
 

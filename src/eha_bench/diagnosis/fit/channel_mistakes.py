@@ -31,7 +31,7 @@ from eha_bench.diagnosis.data.map_correction import (
 from eha_bench.diagnosis.fit.baseline import COARSE, Baseline, gather
 from eha_bench.diagnosis.fit.problem import Problem
 
-_AGAINST: Final = -0.5
+_AGAINST: Final = -0.3
 """Correlation of measured and simulated changes below which a channel goes against its model."""
 _WITH: Final = 0.5
 """The same with another channel's simulated changes, from which it may stand in its column."""

@@ -422,6 +422,8 @@ class Problem:
         Args:
             squares: of each window. limits: (windows,) mean square of each, in that of most.
         """
+        if not self._parts:
+            return []
         means = np.array(squares) / [max(part.pick.size, 1) for part in self._parts]
         usual = max(1.0, float(np.median(means)))
         loud = np.flatnonzero(means > limits * usual)

@@ -26,7 +26,7 @@ QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
         "nearly_all", "runs_better", "p_clear", "worth", "together",
     ),
     "Is another one as good?": ("behind", "behind_share", "chance", "white"),
-    "Does an effect stand in the end?": ("loose", "little", "likely", "clear", "worse"),
+    "Does an effect stand in the end?": ("loose", "little", "form", "likely", "clear", "worse"),
     "Which verdict?": ("explained", "beaten", "nothing", "follows"),
     "Do held-out runs agree?": ("windows", "replays"),
 }  # fmt: skip
@@ -152,6 +152,12 @@ class Thresholds:
         0.05,
         "part of the excess up to which runs that disagree speak against it",
         "a form that is off by a fifth leaves as much",
+    )
+    form: float = _threshold(
+        0.005,
+        "part of the excess up to which what another leaves at the same place is the form of its "
+        "law",
+        "half of what the smaller of two takes that are ten times apart",
     )
     likely: float = _threshold(
         0.05, "probability from which chance may have made a gain", "convention"

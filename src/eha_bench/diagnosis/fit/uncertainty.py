@@ -321,6 +321,8 @@ def _with_belief(normal: FloatArray, belief: FloatArray) -> FloatArray:
     return np.asarray(root @ root.T)
 
 
+_ALIKE = 1.1
+"""Factor that relative changes of two may differ by where these keep a product or a ratio."""
 _HELD = "; along it their intervals are what `within` says"
 
 
@@ -342,13 +344,21 @@ class ParameterDirection:
         if len(names) == 1:
             text = f"{names[0]} is not determined by these data"
         elif len(names) == 2:
-            same = self.shares[names[0]] * self.shares[names[1]] > 0
-            text = f"{names[0]} and {names[1]} only as a {'ratio' if same else 'product'}"
+            text = f"{names[0]} and {names[1]} only {self._of_two(*self.shares.values())}"
         else:
             text = f"{', '.join(names[:-1])} and {names[-1]} only in combination"
         if self.deviation > _OPEN:
             return f"{text} (the data do not depend on it)"
         return f"{text} (one standard deviation along it is {100.0 * self.deviation:.3g} %)"
+
+    @staticmethod
+    def _of_two(first: float, second: float) -> str:
+        """Say how two may move together: shares are of relative changes."""
+        times = abs(second / first)
+        if 1.0 / _ALIKE < times < _ALIKE:
+            return "as a ratio" if first * second > 0 else "as a product"
+        way = "grows" if first * second > 0 else "falls"
+        return f"together: where the first grows by 1 %, the second {way} by {times:.2g} %"
 
 
 def undetermined_directions(fit: Fit) -> tuple[str, ...]:

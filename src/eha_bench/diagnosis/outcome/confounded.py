@@ -6,6 +6,9 @@ A weight that is small beside a declared one is what a sensor's zero that is off
 
 to first order, with W = m g l.
 
+Where the speed alone is read of a machine that is linear, its sensor's lag and a lag of what drives
+it can be taken one for the other: linear filters in a row have no order.
+
 Friction that seems to grow with pressure may as well fall with speed, where every run at a higher
 pressure moved more slowly. Within a run both may hardly change; so runs are compared, by ranks
 (Spearman, Am. J. Psychol. 15 (1904) 72): the usual pressure, and the usual speed while something
@@ -16,7 +19,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -38,6 +41,8 @@ _MOVES = 0.2
 _WEIGHT = "gravity_load"
 _SMALL = 0.2
 """Share of a declared weight up to which first order holds: 2 % of it is lost."""
+_LAGS_OF_DRIVES = ("current_lag", "command_lag")
+_LAG_OF_SENSOR = "sensor_lag"
 _PRESSED = {"p_a", "p_b", "pump_load", "difference"}
 """What laws name that follow a pressure."""
 _FRICTION = {"dry", "viscous"}
@@ -71,6 +76,29 @@ def confounding_notes(
         f"pressure dependence of {' and '.join(pressed)} may in part be one on speed; runs at "
         "one speed and all pressures would separate them",
     )
+
+
+def lag_notes(compared: Collection[str], plant: Plant, effects: Sequence[BoundEffect]) -> list[str]:
+    """Return what speaks of a lag of the drive that may be one of the only sensor.
+
+    Args:
+        compared: channels that were fitted. plant: of the model. effects: those that were found.
+    """
+    lags = [effect.id for effect in effects if effect.id in _LAGS_OF_DRIVES]
+    sensors = {
+        name
+        for effect in plant.layout.effects
+        if effect.id == _LAG_OF_SENSOR
+        for spot in effect.spots
+        for name in spot.sensors
+    }
+    if not lags or len(compared) > 1 or not sensors.intersection(compared):
+        return []
+    return [
+        f"'{name}' alone is read: {_LAG_OF_SENSOR} of it would look much like {' and '.join(lags)}; "
+        "log a position, or a current, as well"
+        for name in compared
+    ]
 
 
 def zero_offset_notes(

@@ -22,7 +22,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.beliefs import contradicted
 from eha_bench.diagnosis.fit.candidates import pairs_alike
-from eha_bench.diagnosis.fit.least_squares import Free
+from eha_bench.diagnosis.fit.least_squares import Fit, Free, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.search.state import Search
 from eha_bench.plants.layout import Layout
@@ -34,6 +34,9 @@ _AGREES = 1.5
 _DIFFERENCE = 0.01
 """Of a logarithm, to either side, by which a slope is taken."""
 _STEPS = 4
+_SHARES = (0.5, 1.0, 2.0)
+"""Of a step, that are tried: the valley is longer than its slopes promise, or shorter."""
+_ITERATIONS = 4
 _WORTH = 1.0
 """Fall of the cost by a step from which the next one is tried."""
 
@@ -116,19 +119,24 @@ def _fitted(search: Search, number: tuple[str, ...]) -> FloatArray:
     for _ in range(_STEPS):
         slopes, own = _slopes(search, vector), _slope(search, vector, number)
         step, _ = _step(slopes, own, problem.residual(vector))
-        before, share = cost, 1.0
-        while True:
-            moved = _times(search, vector, number, float(np.exp(share * step[-1])))
-            for item, change in zip(search.fit.free, share * step[:-1], strict=True):
-                moved[item.at] = _moved(item, vector, change)
-            if not (found := cost_of(problem, moved)) < cost:
-                break
-            # the valley is longer than its slopes promise
-            cost, best, share = found, moved, 2.0 * share
-        if not cost < before - _WORTH:
+
+        ends = [_followed(search, vector, number, share * step) for share in _SHARES]
+        best = min(ends, key=lambda end: end.cost)
+        if not best.cost < cost - _WORTH:
             break
-        vector = best
+        cost, vector = best.cost, best.vector
     return vector
+
+
+def _followed(search: Search, vector: FloatArray, number: tuple[str, ...], step: FloatArray) -> Fit:
+    """Return the fit of what is calibrated with a number moved: the valley bends."""
+    moved = _times(search, vector, number, float(np.exp(step[-1])))
+    for item, change in zip(search.fit.free, step[:-1], strict=True):
+        moved[item.at] = _moved(item, vector, change)
+    return levenberg_marquardt(
+        search.problem, moved, search.fit.free, known=search.fit.columns, refresh=0,
+        iterations=_ITERATIONS,
+    )  # fmt: skip
 
 
 def _slopes(search: Search, vector: FloatArray) -> FloatArray:

@@ -25,7 +25,11 @@ from eha_bench.diagnosis.fit.uncertainty import (
     spreads,
     undetermined_directions,
 )
-from eha_bench.diagnosis.outcome.confounded import confounding_notes, zero_offset_notes
+from eha_bench.diagnosis.outcome.confounded import (
+    confounding_notes,
+    lag_notes,
+    zero_offset_notes,
+)
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import ADDED, Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised_model
@@ -33,6 +37,9 @@ from eha_bench.diagnosis.outcome.rivals import found_rival
 from eha_bench.diagnosis.search.state import RankedCandidate, Search, shown_by_no_run
 from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.model import Model
+
+_OPPOSITE = 0.05
+"""Relative difference of two values whose signs alone differ."""
 
 
 def units_of(model: Model) -> dict[str, str]:
@@ -114,6 +121,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
             )
         named = [layout.effect(item.start.candidate) for item in search.effects]
         notes += confounding_notes(base.measured, named)
+        notes += lag_notes(base.problem.noise, model.plant, named)
         notes += zero_offset_notes(model.plant, fit.vector, effects)
     final = revised_model(model, fit.vector, keys, added)
     return Diagnosis(
@@ -147,6 +155,8 @@ def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
     for key in keys:
         parameter, at = layout.by_key[key], layout.index[key]
         asked = f"the data ask for {fit.vector[at]:.4g} {parameter.unit}".rstrip()
+        if abs(fit.vector[at] + declared[at]) < _OPPOSITE * abs(declared[at]):
+            asked += " (a channel on one side of it has the opposite sign, or it turns backward)"
         said = f"CAUTION: {key} is declared as {declared[at]:.4g} {parameter.unit}".rstrip()
         notes.append(
             f"{key} is only assumed in the model; {asked}"

@@ -62,7 +62,8 @@ def _dropped(search: Search) -> list[Refusal]:
     for item in reversed(search.effects):
         refit: Fit | None = None
         reason = _against(search, item)
-        if not reason and len(search.effects) > 1 and is_loose(search, item):
+        several = len(search.effects) > 1
+        if not reason and several and (is_loose(search, item) or _at_its_place(search, item)):
             refit = without(search, item)
             reason = _beside_others(search, item, refit)
         if (
@@ -225,6 +226,12 @@ def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:
     if is_within_disagreement(search, item, refit.cost - search.fit.cost):
         return "without it the others explain as much, within what runs disagree by"
     limits, missing = search.thresholds, excess(search.problem, refit)
+    other, share = _at_its_place(search, item), missing.total / search.excess_base.total
+    if other and share < limits.form:
+        return (
+            f"it acts where {other} does, which leaves {per_cent(share, 2)} of what was missing "
+            "without it: more likely the law of that one has another form"
+        )
     found = compare(refit, search.fit, search.groups, missing.total)
     if (
         limits.is_unexplained(missing)
@@ -233,6 +240,19 @@ def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:
     ):
         return ""
     return _NOT_DISTINCT
+
+
+def _at_its_place(search: Search, item: Accepted) -> str:
+    """Return another effect that acts at the same place in the same balance, "" for none."""
+
+    def place_of(one: Accepted) -> tuple[str, tuple[str, ...]]:
+        layout = search.problem.plant.layout
+        effect = layout.effect(one.start.candidate)
+        spots = effect.spots_at(layout.choice_values(effect, search.fit.vector))
+        return one.start.equation, tuple(spot.name for spot in spots)
+
+    others = (one for one in search.effects if one is not item)
+    return next((one.start.candidate for one in others if place_of(one) == place_of(item)), "")
 
 
 def _takes_from_belief(search: Search, refit: Fit) -> str:

@@ -217,6 +217,11 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
                 restful=restful,
                 roles=dataset.model.plant.roles,
             )
+            if not item.outputs:
+                notes.append(
+                    f"held-out run {run.name} is not scored: nothing that is compared changes in it"
+                )
+                continue
             item = led_like(coloured_like(item, fitted), fitted)
             found.append(like_clocks(item, fitted))
         except EhaBenchError as error:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
+from eha_bench.recordings.source import HOLDS_DATES
 from eha_bench.recordings.tables.csv_layout import MISSING, CsvLayout, NoTable
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.tables.times import NotATime, parse_times
@@ -180,7 +181,7 @@ class CsvSource(TableSource):
                 comment = " with a decimal comma" if comma else ""
                 if _DATE.match(str(cell)):
                     return RecordingError(
-                        f"column '{name}' holds dates ('{str(cell)[:40]}'), not numbers",
+                        f"column '{name}' {HOLDS_DATES} ('{str(cell)[:40]}'), not numbers",
                         where=Place(file=self.path, line=self._line(row)),
                         hint=f"it can be the clock: 'time: {{column: {name}}}' in channels.yaml",
                     )
