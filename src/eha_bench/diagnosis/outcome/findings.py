@@ -121,7 +121,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
             )
         named = [layout.effect(item.start.candidate) for item in search.effects]
         notes += confounding_notes(base.measured, named)
-        notes += lag_notes(base.problem.noise, model.plant, named)
+        notes += lag_notes(search.problem.noise, model.plant, named)
         notes += zero_offset_notes(model.plant, fit.vector, effects)
     final = revised_model(model, fit.vector, keys, added)
     return Diagnosis(
