@@ -48,9 +48,20 @@ def starts_of(
         return starts
     ticks = drives.first_ticks
     simulated = at.simulate_each(ticks, range(len(starts)), starts, 1.0)
-    for start, read, tick, values in zip(starts, readings, ticks.items, simulated, strict=True):
-        reads = values[tick.first]
+    geared = plant.roles.geared
+    for start, first, read, tick, values in zip(
+        starts, measured, readings, ticks.items, simulated, strict=True
+    ):
+        beyond: dict[str, float] = {}
         for place, name in enumerate(plant.outputs):
-            if name in read and name not in plant.roles.acting and np.isfinite(reads[place]):
-                start[name] += read[name] - reads[place]
+            off = first.get(name, np.nan) - values[tick.first][place]
+            if not np.isfinite(off) or name in plant.roles.acting:
+                continue
+            if name in read:
+                start[name] += off
+            elif name in geared and geared[name][0] not in read:
+                beyond[name] = first[name] + off
+        if beyond:
+            # what moves behind a gear tells the state that it moves with
+            start.update(plant.through_parts(at.vector, beyond))
     return starts

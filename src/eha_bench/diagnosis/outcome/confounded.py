@@ -95,8 +95,8 @@ def lag_notes(compared: Collection[str], plant: Plant, effects: Sequence[BoundEf
     if not lags or len(compared) > 1 or not sensors.intersection(compared):
         return []
     return [
-        f"'{name}' alone is read: {_LAG_OF_SENSOR} of it would look much like {' and '.join(lags)}; "
-        "log a position, or a current, as well"
+        f"'{name}' alone is read: {_LAG_OF_SENSOR} of it would look much like "
+        f"{' and '.join(lags)}; log a position, or a current, as well"
         for name in compared
     ]
 

@@ -657,23 +657,33 @@ def _pressure_sensor(system: System) -> Iterator[Spot]:
 
 
 def _speed_sensor(system: System) -> Iterator[Spot]:
-    """A sensor of the speed of what has inertia."""
-    moved = {item.speed: item for item in system.coordinates if system.inertias(item)}
+    """A sensor of a speed, of what has inertia or is geared to it."""
     for output in system.outputs:
-        item = moved.get(output.state)
-        if item is None:
+        node = system.network.nodes.get(output.of)
+        if node is None or node.kind not in UNITS or output.unit != UNITS[node.kind]["speed"]:
             continue
-        turns = item.node.kind is NodeKind.ROTATION
-        inertia = _default(system, item.node.name, "inertia" if turns else "mass")
-        strong = _STRONG * usual_effort(system, item)
+        item = system.leader_of(output.of)
+        if not system.inertias(item):
+            continue
         yield Spot(
             output.channel,
             Equation.MEASUREMENT,
             {"reading": (Hook(f"reading:{output.channel}"),)},
-            {"speed": f"X[{output.state}]"},
-            usual={"acceleration": strong / inertia if inertia else 0.0},
+            {"speed": shown_expression(system, system.speed(output.of))},
+            usual={"acceleration": _ratio(system, output.of) * _usual_acceleration(system, item)},
             sensors=(output.channel,),
         )
+
+
+def _usual_acceleration(system: System, item: Coordinate) -> float:
+    """Return an acceleration that matters at a coordinate, 0 where it declares no inertia."""
+    inertia = sum(
+        _ratio(system, node.name) ** 2
+        * _default(system, node.name, "inertia" if node.kind is NodeKind.ROTATION else "mass")
+        for node in system.network.nodes.values()
+        if node.kind in UNITS and system.leader_of(node.name) is item
+    )
+    return _STRONG * usual_effort(system, item) / inertia if inertia else 0.0
 
 
 def _loaded_shaft(system: System) -> Iterator[Spot]:
