@@ -266,6 +266,13 @@ def test_seals_are_pressed_by_the_pressure_that_is_named(which, pressing) -> Non
     assert level == pytest.approx(60.0 + 0.02 * 1e-3 * pressing)
 
 
+def test_behind_a_gear_seals_have_the_rods_own_coefficient() -> None:
+    """At half the speed a force of 80 N is one of 40 N where it is felt, and c v of c v / 4."""
+    own = (6e6, 2e6, 1e-3, 0.02, 1.0)
+    assert seal_friction.dry(60.0, *own, 0.0, 0.5) == pytest.approx(60.0 + 40.0)
+    assert seal_friction.viscous(0.0, *own, 1.0, 0.5) == pytest.approx(80.0 / 0.1 / 4.0)
+
+
 def test_seals_on_a_film_drag_with_speed(knee, effect) -> None:
     """Half as strong at 0.05 m/s as its share of the hydraulic force says, and none at rest."""
     force = seal_friction.viscous(0.0, 6e6, 2e6, 1e-3, 0.02, 1.0, 1.0) * 0.05

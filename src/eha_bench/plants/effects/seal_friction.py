@@ -6,7 +6,8 @@
 p is p_a + p_b, |p_a - p_b|, the higher of both, or that of one chamber, which is all that a rod's
 seal sees (the piston's sees the difference). A is the piston area, so mu is the share of the
 hydraulic force that the seals take (viscous: at v_0). Dry where the seal touches, viscous where it
-rides on a film that the pressure makes thinner; real seals are in between.
+rides on a film that the pressure makes thinner; real seals are in between. F_f and v are the rod's:
+where it moves r times as fast as the coordinate that it is geared to, the friction there is r F_f.
 
 Source: Bonchis, Corke, Rye, A Pressure-Based, Velocity Independent, Friction Model for Asymmetric
 Hydraulic Cylinders, IEEE Int. Conf. Robotics and Automation 1999; Nikas, Proc. IMechE J 224 (2010);
@@ -45,11 +46,12 @@ def dry(
     friction_coefficient: float,
     pressure: float,
     kind: float,
+    ratio: float = 1.0,
 ) -> float:
-    """Return the rod's dry friction with the seals pressed on, N."""
+    """Return the dry friction with the rod's seals pressed on, N; `ratio` is the rod's, r."""
     if kind != _DRY:
         return level
-    return level + friction_coefficient * area_a * _pressing(p_a, p_b, pressure)
+    return level + ratio * friction_coefficient * area_a * _pressing(p_a, p_b, pressure)
 
 
 def viscous(
@@ -60,11 +62,13 @@ def viscous(
     friction_coefficient: float,
     pressure: float,
     kind: float,
+    ratio: float = 1.0,
 ) -> float:
-    """Return the rod's viscous friction with the seals pressed on, N*s/m."""
+    """Return the viscous friction with the rod's seals pressed on, N*s/m."""
     if kind != _VISCOUS:
         return coefficient
-    return coefficient + friction_coefficient * area_a * _pressing(p_a, p_b, pressure) / _SPEED
+    pressed = friction_coefficient * area_a * _pressing(p_a, p_b, pressure)
+    return coefficient + ratio * ratio * pressed / _SPEED
 
 
 EFFECT = Effect(

@@ -277,10 +277,12 @@ def _rod(system: System) -> Iterator[Spot]:
     for item in system.coordinates:
         for part in _on(system, item, "cylinder")[:1]:
             ports = part.element.ports
+            ratio = system.ratio(ports["on"])
             yield _spot(
                 system,
                 item,
                 {
+                    "ratio": f"abs({shown_expression(system, ratio)})" if ratio else "1.0",
                     "p_a": shown_expression(system, system.pressure(ports["a"])),
                     "p_b": shown_expression(system, system.pressure(ports["b"])),
                     "area_a": str(system.parameter(part.name, "area_a")),
