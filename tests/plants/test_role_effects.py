@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.effects import supply_sag, valve_deadband, valve_lag
-from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.model import DeclaredEffect, Model, load_model
 from eha_bench.plants.plant import Drive
 from eha_bench.plants.registry import get_plant
 
@@ -244,3 +245,70 @@ def test_sagging_supply_falls_by_resistance_times_flow() -> None:
     assert fallen == pytest.approx(drawn * (resistance + 1 / line), rel=1e-3)
     # after one recovery time 1 - 1/e of the way
     assert supply_sag.follow(0.0, 1e-4, 0.05, 5e9, 0.05) == pytest.approx(5e5 * (1 - math.exp(-1)))
+
+
+# --- command_delay before a spool ---------------------------------------------------------------
+
+WINCH = """\
+plant: winch
+nodes:
+  supply: {kind: reservoir, pressure: 18 MPa}
+  tank:   {kind: reservoir, pressure: 5 bar}
+  line_a: {kind: volume, volume: 620 cm^3, bulk_modulus: 1.1 GPa, pressure: 80 bar}
+  line_b: {kind: volume, volume: 580 cm^3, bulk_modulus: 1.1 GPa, pressure: 80 bar}
+  shaft:  {kind: rotation}
+  drum:   {kind: rotation, inertia: 94 kg*m^2}
+elements:
+  valve:    {kind: spool_valve, supply: supply, tank: tank, a: line_a, b: line_b, full_scale: 10 V,
+             flow_gain: 4.7e-7 m^3/(s*Pa^0.5), natural_frequency: 60 rad/s, damping_ratio: 0.8}
+  motor:    {kind: pump, on: shaft, from: line_a, to: line_b, displacement: 1.273e-5 m^3/rad}
+  bearings: {kind: friction, on: shaft, coulomb: 10 N*m, viscous: 0.06 N*m*s/rad}
+  gearbox:  {kind: gear, from: shaft, to: drum, ratio: 25}
+inputs:   {valve_command: valve.command}
+channels: {motor_speed: shaft.speed, drum_speed: drum.speed, pressure_a: line_a.pressure,
+           pressure_b: line_b.pressure}
+"""
+
+
+def winch(folder: Path, effect: str) -> Model:
+    """A valve with a slow spool that turns a drum through a gear."""
+    (folder / "plant.yaml").write_text(WINCH, encoding="utf-8")
+    (folder / "model.yaml").write_text(
+        f"model: plant.yaml\neffects:\n  - {{{effect}}}\n", encoding="utf-8"
+    )
+    return load_model(folder / "model.yaml")
+
+
+@compiles
+def test_a_window_begins_with_the_spool_where_its_late_command_had_left_it(tmp_path: Path) -> None:
+    """A run that is followed from its midst goes on as the whole one does."""
+    model = winch(tmp_path, "effect: command_delay, delay: 9 ms")
+    time = np.arange(0.0, 1.2, 2.5e-3)
+    command = 3.0 * np.sign(np.sin(2.0 * np.pi * 7.0 * time)) + 1.0
+    at = model.plant.at(model.vector())
+    start = {"pressure_a": 8e6, "pressure_b": 8e6, "drum_speed": 0.0}
+    whole = at.simulate(Drive(time, {"valve_command": command}), start, 1e-4)
+    names, first = list(model.plant.outputs), 300
+    there = {name: float(whole[first, names.index(name)]) for name in start}
+    later = at.simulate(Drive(time, {"valve_command": command}, first=first), there, 1e-4)
+    for name in start:
+        column = names.index(name)
+        assert later[first:, column] == pytest.approx(
+            whole[first:, column], abs=2e-3 * np.ptp(whole[:, column])
+        )
+
+
+@compiles
+def test_a_geared_pumps_friction_is_its_own_share_of_its_torque(tmp_path: Path) -> None:
+    """mu D dp at the motor is 25 mu D dp at the drum, which it stops where the rest is less."""
+    for coefficient, moves in ((0.5, True), (1.0, False)):
+        model = winch(
+            tmp_path,
+            f"effect: pressure_dependent_friction, friction_coefficient: {coefficient}",
+        )
+        time = np.arange(0.0, 0.5, 2.5e-3)
+        start = {"pressure_a": 8e6, "pressure_b": 8e6, "drum_speed": 0.0}
+        command = {"valve_command": np.full(time.size, 10.0)}
+        found = model.plant.at(model.vector()).simulate(Drive(time, command), start, 1e-4)
+        speed = found[:, list(model.plant.outputs).index("drum_speed")]
+        assert bool(np.abs(speed).max() > 1e-6) is moves

@@ -168,7 +168,7 @@ def _unknown(
     locator, equation, located = locate(search.problem, search.fit, step, progress)
     if not located:
         where = f"something {acts_in(equation, '')}" if equation else "nothing was located"
-        text = f"{where}; the variables it could depend on are not measured"
+        text = f"{where}; no curve of what is measured could be tried there"
         if not places_of(search.problem.plant):
             text = (
                 "something is missing, but its place is unknown: this plant has no `advance` "

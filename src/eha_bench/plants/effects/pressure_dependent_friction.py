@@ -2,7 +2,8 @@
 
     |T_f| += mu D_p |p_a - p_b|
 
-at all speeds and also at rest: loaded pistons, slippers and bearings rub harder.
+at all speeds and also at rest: loaded pistons, slippers and bearings rub harder. T_f is the pump's:
+where it turns r times as fast as the coordinate that it is geared to, the friction there is r T_f.
 
 Source: Ivantysyn, Ivantysynova, Hydrostatic Pumps and Motors, Akademia Books 2001 (torque losses
 proportional to pressure); Schloesser, Hydraulic Power Transmission 1961.

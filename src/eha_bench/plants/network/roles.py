@@ -264,7 +264,8 @@ def _pump_friction(system: System) -> Iterator[Spot]:
         pumps = _on(system, item, "pump")
         if pumps and system.inertias(item):
             loads = [
-                f"abs({system.parameter(part.name, 'displacement')} * "
+                f"abs({system.ratio(part.element.ports['on']) or '1.0'} * "
+                f"{system.parameter(part.name, 'displacement')} * "
                 f"({system.pressure(part.element.ports['to'])} - "
                 f"{system.pressure(part.element.ports['from'])}))"
                 for part in pumps

@@ -851,6 +851,13 @@ class Writer:
         lines.append(f"S[{system.drive_demand(column.part, column.command)}] = asked{number}")
         return lines
 
+    def _commanded(self, number: int, column: PlantInput, now: str, h: str) -> str:
+        """Return the expression of a command as it arrives over a time `h` within tick `k`."""
+        assert column.part is not None
+        known = {"k": "k", "now": now, "h": h, "times": "times", "inputs": f"commands{number}"}
+        at = f"command:{column.part.name}"
+        return self.hooks.apply(at, f"inputs[k, {number}]", (), known)
+
     def _acting(self, number: int, column: PlantInput) -> str:
         assert column.part is not None
         return self.hooks.apply(f"drive:{column.part.name}", f"asked{number}", ())
@@ -956,8 +963,10 @@ class Writer:
         if self._factors:
             lines.append("    prepare_signals(h, X, P, S)")
         for number, column in self._commands:
-            at = f"inputs[k, {number}] if given[{number}] else 0.0"
-            lines += [f"    {line}" for line in self._asked_lines(number, column, at)]
+            # a spool follows what has arrived
+            value = self._commanded(number, column, "times[k]", "(times[k + 1] - times[k])")
+            value = f"{value} if given[{number}] else 0.0"
+            lines += [f"    {line}" for line in self._asked_lines(number, column, value)]
         step = ["remember_commands(h, t, X, P, S, Y)"] if remembered else []
         step += [f"S[{column.signal}] = {self._acting(n, column)}" for n, column in self._commands]
         step.append("advance_signals(h, t, X, P, S, Y)")
@@ -1120,19 +1129,7 @@ class Writer:
             ]
         for number, column in self._commands:
             assert column.part is not None
-            raw = f"inputs[k, {number}]"
-            value = self.hooks.apply(
-                f"command:{column.part.name}",
-                raw,
-                (),
-                {
-                    "k": "k",
-                    "now": "now",
-                    "h": "h",
-                    "times": "times",
-                    "inputs": f"commands{number}",
-                },
-            )
+            value = self._commanded(number, column, "now", "h")
             looped = any(
                 system.column_for(driven, command) == number
                 for _, _, driven, command in system.loops.values()
