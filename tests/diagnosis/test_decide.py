@@ -235,8 +235,8 @@ def test_a_curve_that_explains_little_is_said_to(
 @pytest.mark.parametrize(
     ("equation", "places", "says", "told"),
     [
-        ("flow", 1, "something acts in the flow balance; the variables", "flow"),
-        ("", 1, "nothing was located; the variables", None),
+        ("flow", 1, "something acts in the flow balance; no curve", "flow"),
+        ("", 1, "nothing was located; no curve", None),
         (
             "",
             0,
