@@ -143,6 +143,6 @@ def test_a_number_that_others_make_up_for_is_named_where_these_are_not_as_believ
     found = diagnose(path)
     assert found.verdict is Verdict.NONE
     (note,) = (note for note in found.notes if note.startswith("CAUTION: nothing is missing"))
-    said = re.search(r"motor.torque_constant is declared as 0.131 .* with ([\d.]+) N", note)
+    said = re.search(r"motor.torque_constant of ([\d.]+) N\*m/A, declared as 0.131 and not", note)
     assert said is not None
     assert float(said[1]) == pytest.approx(TORQUE_CONSTANT, rel=0.03)

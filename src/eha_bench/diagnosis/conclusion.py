@@ -17,7 +17,7 @@ from eha_bench.diagnosis.outcome.beyond_training import beyond_training, uncheck
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameters
-from eha_bench.diagnosis.outcome.doubtful_numbers import doubtful_number
+from eha_bench.diagnosis.outcome.doubtful_numbers import note_of_doubtful_numbers
 from eha_bench.diagnosis.outcome.findings import assemble
 from eha_bench.diagnosis.outcome.honest import (
     against_the_end,
@@ -174,9 +174,9 @@ class Conclusion:
         return found if column is None else found.with_note(column.note)
 
     def _with_doubtful_number(self, found: Diagnosis) -> Diagnosis:
-        """Note a number with which all would be as believed that is not."""
-        number = doubtful_number(self.search)
-        return found if number is None else found.with_note(number.note)
+        """Note a number, or a scale, with which all would be as believed that is not."""
+        note = note_of_doubtful_numbers(self.search)
+        return found.with_note(note) if note else found
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
         """Note loads, masses or friction whose differences between runs explain it."""
