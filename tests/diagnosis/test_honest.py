@@ -463,9 +463,10 @@ def test_a_calibration_is_there_before_its_errors(tmp_path, monkeypatch):
         # ten times smaller than the other, as a hundredth of the square says
         (0.01, "widening_leakage", False),
         (0.001, "entrained_air", False),
+        (0.001, "gravity_load", False),
     ],
 )
-def test_what_another_leaves_at_the_same_place_is_the_form_of_its_law(
+def test_what_another_effect_leaves_on_the_same_term_is_the_form_of_its_law(
     monkeypatch: pytest.MonkeyPatch, left, other, refused
 ):
     import numpy as np
@@ -474,24 +475,18 @@ def test_what_another_leaves_at_the_same_place_is_the_form_of_its_law(
     from eha_bench.plants.registry import get_plant
 
     layout = get_plant("eha_knee").layout
-    vector = np.zeros(layout.size)
     items = []
     for name in (other, "relief_valve"):
         key = f"{name}.{layout.effect(name).strength.name}"
         start = Start(name, (), layout.index[key], 0.0, 0.02, 0.0, 0.5, (key,), "flow")
-        items.append(Accepted(start, GOOD, ()))
-    missing = Excess(left * 1e6, 10**4, 50.0, {})
-    monkeypatch.setattr(honest, "excess", lambda *_: missing)
-    monkeypatch.setattr(honest, "compare", lambda *_: GOOD)
-    monkeypatch.setattr(honest, "is_within_disagreement", lambda *_: False)
+        items.append(Accepted(start, replace(GOOD, gain=1e6), ()))
+    monkeypatch.setattr(honest, "excess", lambda *_: Excess(left * 1e6, 10**4, 50.0, {}))
     search = SimpleNamespace(
         thresholds=DEFAULT,
         problem=SimpleNamespace(plant=SimpleNamespace(layout=layout)),
         effects=items,
-        fit=SimpleNamespace(vector=vector, cost=0.0),
-        groups=None,
-        excess_base=SimpleNamespace(total=1e6),
+        fit=SimpleNamespace(vector=np.zeros(layout.size)),
     )
-    text = honest._beside_others(search, items[1], SimpleNamespace(cost=1.0))
-    assert (f"it acts where {other} does" in text) is refused, text
-    assert refused or text == ""
+    kind = honest._of_its_kind(search, items[1])
+    text = "" if kind is None else honest._form_of(search, kind, SimpleNamespace())
+    assert (f"{other} changes the same term" in text) is refused

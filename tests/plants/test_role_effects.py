@@ -312,3 +312,36 @@ def test_a_geared_pumps_friction_is_its_own_share_of_its_torque(tmp_path: Path) 
         found = model.plant.at(model.vector()).simulate(Drive(time, command), start, 1e-4)
         speed = found[:, list(model.plant.outputs).index("drum_speed")]
         assert bool(np.abs(speed).max() > 1e-6) is moves
+
+
+@compiles
+def test_a_late_command_turns_a_hysteresis_as_it_turned_long_ago(tmp_path: Path) -> None:
+    """Turns before the history have arrived, in their order: the loop is where they left it."""
+    model = winch(tmp_path, "effect: command_delay, delay: 9 ms")
+    text = (tmp_path / "model.yaml").read_text(encoding="utf-8")
+    text += "  - {effect: valve_hysteresis, hysteresis: 0.1}\n"
+    (tmp_path / "model.yaml").write_text(text, encoding="utf-8")
+    model = load_model(tmp_path / "model.yaml")
+    at = model.plant.at(model.vector())
+    time = np.arange(0.0, 1.5, 2.5e-3)
+    # large turns early, then small ones within the loop that these had left
+    command = np.where(time < 0.5, 4.0 * np.sin(2.0 * np.pi * 4.0 * time + 0.4), 0.0)
+    command = np.where(time >= 0.5, 1.0 + 0.3 * np.sin(2.0 * np.pi * 3.0 * time), command)
+    start = {"pressure_a": 8e6, "pressure_b": 8e6, "drum_speed": 0.0}
+    whole = at.simulate(Drive(time, {"valve_command": command}), start, 1e-4)
+    names, first, lead = list(model.plant.outputs), 480, 380
+    there = {name: float(whole[first, names.index(name)]) for name in start}
+    slopes = np.diff(command)
+    turns = np.flatnonzero(slopes[:-1] * slopes[1:] < 0.0) + 1
+    turns = turns[turns < lead]
+    rows = np.array([*turns, *range(lead, time.size)])
+    stamps = time[rows]
+    stamps[: turns.size] = time[lead] - 1e-9 * np.arange(turns.size, 0, -1)
+    drive = Drive(
+        stamps, {"valve_command": command[rows]}, first=turns.size + first - lead, turns=turns.size
+    )
+    later = at.simulate(drive, there, 1e-4)
+    for name in start:
+        column = names.index(name)
+        span = np.ptp(whole[first:, column])
+        assert later[drive.first :, column] == pytest.approx(whole[first:, column], abs=0.01 * span)

@@ -38,6 +38,12 @@ def test_a_column_of_dates_is_the_clock(tmp_path: Path) -> None:
     assert "time: {column: stamp}" in first_map(tmp_path / "log.csv")
 
 
+def test_a_column_of_seconds_is_the_clock_beside_one_of_dates(tmp_path: Path) -> None:
+    rows = "".join(f"2025-11-09T09:27:00Z,{k / 10},{k}\n" for k in range(4))
+    (tmp_path / "log.csv").write_text(f"stamp,time_s,p_a\n{rows}")
+    assert "time: {column: time_s, unit: s}" in first_map(tmp_path / "log.csv")
+
+
 def test_thousands_of_columns_like_nothing_are_not_compared_letter_by_letter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,7 +18,7 @@ from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, wi
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameters
 from eha_bench.diagnosis.outcome.doubtful_numbers import note_of_doubtful_numbers
-from eha_bench.diagnosis.outcome.findings import assemble
+from eha_bench.diagnosis.outcome.findings import adds, assemble
 from eha_bench.diagnosis.outcome.honest import (
     against_the_end,
     curve_is_worse,
@@ -96,8 +96,6 @@ class Conclusion:
             found = self._without_effect(against)
         if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
-        if found.complete and found.verdict is Verdict.NONE and not self.search.accepted:
-            self.found = found = self._with_doubtful_number(found)
         if found.complete and found.verdict is Verdict.UNKNOWN:
             found = self._with_misplaced_column(self._with_rare_stretches(found))
             self.found = found = self._with_worst_range(self._with_differing_runs(found))
@@ -108,6 +106,8 @@ class Conclusion:
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
                 found = self._unknown_in_held_out()
+        if found.complete and found.verdict is Verdict.NONE and not self.search.accepted:
+            self.found = found = self._with_doubtful_number(found, asked, workers)
         if found.complete and (why := unchecked(found, self.dataset)):
             self.found = found = found.with_note(why)
         return self._with_rivals(found, asked, workers) if found.complete else found
@@ -173,9 +173,18 @@ class Conclusion:
         column = misplaced_column(self.search)
         return found if column is None else found.with_note(column.note)
 
-    def _with_doubtful_number(self, found: Diagnosis) -> Diagnosis:
+    def _with_doubtful_number(
+        self, found: Diagnosis, asked: Interruption, workers: Workers
+    ) -> Diagnosis:
         """Note a number, or a scale, with which all would be as believed that is not."""
-        note = note_of_doubtful_numbers(self.search)
+        self.stage = "numbers"
+        self.progress(self.stage, 0.0)
+        try:
+            with checkpoints(asked), fits_by(workers):
+                note = note_of_doubtful_numbers(self.search)
+        except KeyboardInterrupt:
+            note = "interrupted before numbers that may be declared wrongly were looked for"
+            return replace(found.with_note(note), complete=False)
         return found.with_note(note) if note else found
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
@@ -280,10 +289,9 @@ class Conclusion:
         self.keep(complete=False)
         self.stage = "score"
         base = self.base.at_angles(starts_of(self.search.problem))
+        before = self.search.base.vector if adds(self.search, self.decision) else None
         try:
-            found = with_replay_errors(
-                self.found, self.dataset, base, self.search.base.vector, self._on_progress
-            )
+            found = with_replay_errors(self.found, self.dataset, base, before, self._on_progress)
         except KeyboardInterrupt:
             note = "interrupted before the runs were scored"
             return replace(self.found.with_note(note), complete=False)

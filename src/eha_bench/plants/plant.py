@@ -29,6 +29,10 @@ _FOR_DATASETS = (
 )
 
 
+AT_ONCE = 1e-9
+"""Time between two turns that are remembered, s: too short for anything to follow."""
+
+
 @dataclass(frozen=True)
 class Drive:
     """What drives a simulation: measured inputs on a clock, the setup, and where it starts.

@@ -236,14 +236,14 @@ def _clocks(found: RecordingInformation) -> list[tuple[str, str]]:
 
 
 def _clock_lines(found: RecordingInformation) -> list[str]:
-    if dates := next((item.name for item in found.topics if HOLDS_DATES in item.readable), ""):
-        return [f"time: {{column: {_quoted(dates)}}}  # guessed: it {HOLDS_DATES}"]
     clocks = _clocks(found)
     if clocks:
         name, unit = clocks[0]
         source = f"its unit is {'given' if unit else 'assumed'}"
         clock = f"time: {{column: {_quoted(name)}, unit: {unit or 's'}}}"
         return [f"{clock}  # guessed: by its name; {source}"]
+    if dates := next((item.name for item in found.topics if HOLDS_DATES in item.readable), ""):
+        return [f"time: {{column: {_quoted(dates)}}}  # guessed: it {HOLDS_DATES}"]
     if found.format in ("mdf", "ulog", "tdms"):
         return []
     return ["sample_rate: 1 kHz  # ASSUMED: no column is called like a time"]

@@ -132,7 +132,8 @@ def admit(
         columns.append(np.where(good, raw, 0.0))
         masks.append(good)
     if not names and strict:
-        raise _nothing_compared(outputs, recording, where)
+        own = [name for name in outputs if name not in driven.values and name not in held]
+        raise _nothing_compared(own, recording, where)
     breaks = {*_clock(run, time, driven.values, driven.missing, notes)}
     breaks |= {int(k) for item in driven.unsure.values() for k in item.anew if k < time.size}
     return Measured(

@@ -21,12 +21,10 @@ from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.wander import Wander
 from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
 from eha_bench.plants.channel_roles import ChannelRoles
-from eha_bench.plants.plant import Drive
+from eha_bench.plants.plant import AT_ONCE, Drive
 
 GAP = 1.5
 """A step of the clock by more than this many usual ones leaves samples out."""
-_AT_ONCE = 1e-9
-"""Time between two turns that are remembered, s: too short for anything to follow."""
 _UNREAD = 0.1
 """Longest time between two readings of a speed over which its angle is known, s."""
 
@@ -242,7 +240,7 @@ class Measured:
         rows = np.concatenate([before, np.arange(lead, last)])
         time = self.time[rows]
         # all at once: what follows with time knows nothing of them
-        time[: before.size] = self.time[lead] - _AT_ONCE * np.arange(before.size, 0, -1)
+        time[: before.size] = self.time[lead] - AT_ONCE * np.arange(before.size, 0, -1)
         return Drive(
             time,
             {name: values[rows] for name, values in self.inputs.items()},

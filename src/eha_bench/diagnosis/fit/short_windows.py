@@ -63,7 +63,7 @@ def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[P
     ]
     if not windows:
         # all runs are too short to be cut
-        return problem, period
+        return problem.apart(), period
     whole = Problem(problem.plant, windows, problem.noise, problem.step, stretch=problem.stretch)
     whole.prepare(vector)
     left = np.minimum(

@@ -49,8 +49,8 @@ def starts_of(
     ticks = drives.first_ticks
     simulated = at.simulate_each(ticks, range(len(starts)), starts, 1.0)
     geared = plant.roles.geared
-    for start, first, read, tick, values in zip(
-        starts, measured, readings, ticks.items, simulated, strict=True
+    for start, first, read, own, tick, values in zip(
+        starts, measured, readings, carried, ticks.items, simulated, strict=True
     ):
         beyond: dict[str, float] = {}
         for place, name in enumerate(plant.outputs):
@@ -63,5 +63,6 @@ def starts_of(
                 beyond[name] = first[name] + off
         if beyond:
             # what moves behind a gear tells the state that it moves with
-            start.update(plant.through_parts(at.vector, beyond))
+            told = plant.through_parts(at.vector, {**tick.first_values, **first, **beyond})
+            start.update({name: value for name, value in told.items() if name not in own})
     return starts

@@ -155,8 +155,8 @@ class Thresholds:
     )
     form: float = _threshold(
         0.005,
-        "part of the excess up to which what another leaves at the same place is the form of its "
-        "law",
+        "part of an effect's gain up to which what it leaves is the form of its law, not another "
+        "effect on the same term",
         "half of what the smaller of two takes that are ten times apart",
     )
     likely: float = _threshold(

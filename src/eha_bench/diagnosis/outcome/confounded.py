@@ -6,8 +6,8 @@ A weight that is small beside a declared one is what a sensor's zero that is off
 
 to first order, with W = m g l.
 
-Where the speed alone is read of a machine that is linear, its sensor's lag and a lag of what drives
-it can be taken one for the other: linear filters in a row have no order.
+Where the speed alone is read of a machine that is linear, its sensor's lag and a lag of the command
+can be taken one for the other: linear filters in a row have no order.
 
 Friction that seems to grow with pressure may as well fall with speed, where every run at a higher
 pressure moved more slowly. Within a run both may hardly change; so runs are compared, by ranks
@@ -79,12 +79,13 @@ def confounding_notes(
 
 
 def lag_notes(compared: Collection[str], plant: Plant, effects: Sequence[BoundEffect]) -> list[str]:
-    """Return what speaks of a lag of the drive that may be one of the only sensor.
+    """Return what speaks of a lag of the drive that may be one of the only sensor, or the reverse.
 
     Args:
         compared: channels that were fitted. plant: of the model. effects: those that were found.
     """
-    lags = [effect.id for effect in effects if effect.id in _LAGS_OF_DRIVES]
+    named = [effect.id for effect in effects if effect.id in (*_LAGS_OF_DRIVES, _LAG_OF_SENSOR)]
+    known = {effect.id for effect in plant.layout.effects}
     sensors = {
         name
         for effect in plant.layout.effects
@@ -92,11 +93,14 @@ def lag_notes(compared: Collection[str], plant: Plant, effects: Sequence[BoundEf
         for spot in effect.spots
         for name in spot.sensors
     }
-    if not lags or len(compared) > 1 or not sensors.intersection(compared):
+    if len(named) != 1 or len(compared) > 1 or not sensors.intersection(compared):
+        return []
+    others = [_LAG_OF_SENSOR] if named[0] != _LAG_OF_SENSOR else sorted(known & {*_LAGS_OF_DRIVES})
+    if not others:
         return []
     return [
-        f"'{name}' alone is read: {_LAG_OF_SENSOR} of it would look much like "
-        f"{' and '.join(lags)}; log a position, or a current, as well"
+        f"'{name}' alone is read: {' or '.join(others)} would look much like {named[0]}; log a "
+        "position, or a current, as well"
         for name in compared
     ]
 

@@ -122,7 +122,8 @@ def _numbers(
     alike = pairs_alike(layout, vector)
     pairs = [pair for pair in alike if set(pair) <= set(drawn)]
     paired = {name for pair in alike for name in pair}
-    for names in (*pairs, *((name,) for name in drawn if name not in paired)):
+    for pair in (*pairs, *((name,) for name in drawn if name not in paired)):
+        names = tuple(dict.fromkeys(pair))
         places = tuple(layout.index[name] for name in names)
         declared = float(vector[places[0]])
         if declared:

@@ -23,7 +23,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.beliefs import contradicted
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem, cost_of
+from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
 from eha_bench.diagnosis.outcome.doubt import Doubt, doubts_of
 from eha_bench.diagnosis.search.state import Search
 
@@ -41,8 +41,31 @@ _STEPS = 4
 _SHARES = (0.5, 1.0, 2.0)
 """Of a step, that are tried: the valley is longer than its slopes promise, or shorter."""
 _ITERATIONS = 4
+_FURTHEST = 10.0
+"""Factor by which what is declared may be off at most."""
 _WORTH = 1.0
 """Fall of the cost by a step from which the next one is tried."""
+
+
+class _Beside:
+    """What doubts are fitted beside: a problem of its own, prepared at a fit, with its cost.
+
+    Args:
+        problem: prepared. fit: of what is calibrated.
+    """
+
+    def __init__(self, problem: Problem, fit: Fit) -> None:
+        self.problem, self.fit = problem, fit
+        # what a few more steps gain is no gain of a doubt's
+        before = cost_of(problem, fit.vector)
+        self.cost = min(before, self.fitted(problem, fit.vector).cost)
+
+    def fitted(self, problem: Problem, vector: FloatArray) -> Fit:
+        """Return the fit of what is calibrated, in some steps from there."""
+        return levenberg_marquardt(
+            problem, vector, self.fit.free, known=self.fit.columns, refresh=0,
+            iterations=_ITERATIONS,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -61,86 +84,91 @@ def note_of_doubtful_numbers(search: Search) -> str:
     Args:
         search: finished, without anything that was added.
     """
-    problem, vector = search.problem, search.fit.vector
-    off = contradicted(problem.beliefs, vector)
+    off = contradicted(search.problem.beliefs, search.fit.vector)
     if len(off) < _SEVERAL or not search.fit.free:
         return ""
-    problem.prepare(vector)
-    before = cost_of(problem, vector)
-    found = [_cleared(search, doubt, before) for doubt in _promising(search)]
+    problem = search.problem.apart()
+    problem.prepare(search.fit.vector)
+    beside = _Beside(problem, search.fit)
+    found = [_cleared(beside, doubt, len(off)) for doubt in _promising(beside, search.keys)]
     clear = search.thresholds.behind
-    helping = [item for item in found if item.agrees and before - item.cost > clear]
+    helping = [item for item in found if item.agrees and beside.cost - item.cost > clear]
     if not helping:
         return ""
     least = min(item.cost for item in helping)
     alike = [item for item in helping if item.cost - least < clear]
     alike.sort(key=lambda item: item.cost)
     return (
-        f"CAUTION: nothing is missing, but {', '.join(item.key for item in off)} are further off "
-        "than is believed of them; all would be as believed with "
+        f"CAUTION: nothing is missing, but {', '.join(item.key for item in off)} are outside "
+        "their `within`; all would be as believed with "
         f"{', or '.join(item.doubt.said(item.factor) for item in alike)}: check it"
     )
 
 
-def _promising(search: Search) -> Sequence[Doubt]:
+def _promising(beside: _Beside, calibrated: tuple[str, ...]) -> Sequence[Doubt]:
     """Return the doubts that promise most by the slopes at what is declared."""
-    problem, vector = search.problem, search.fit.vector
+    problem, vector = beside.problem, beside.fit.vector
     residual = problem.residual(vector)
-    slopes = _slopes(problem, search.fit.free, vector)
-    square = float(residual @ residual)
+    slopes = _slopes(problem, beside.fit.free, vector)
     falls = {}
-    for doubt in doubts_of(problem, vector, search.keys):
+    for doubt in doubts_of(problem, vector, calibrated):
         own = _slope(doubt, problem, vector, 1.0)
-        falls[doubt] = square - _step(slopes, own, residual)[1]
+        falls[doubt] = _step(slopes, own, residual, problem.soft)[1]
     least = _HOPEFUL * max(falls.values(), default=0.0)
     order = sorted(falls, key=lambda doubt: -falls[doubt])
     return [doubt for doubt in order if falls[doubt] >= least][:_FOLLOWED]
 
 
-def _cleared(search: Search, doubt: Doubt, before: float) -> _Cleared:
-    """Return a doubt fitted beside what is calibrated, as far down as it goes."""
-    vector, factor, cost = search.fit.vector, 1.0, before
+def _cleared(beside: _Beside, doubt: Doubt, off: int) -> _Cleared:
+    """Return a doubt fitted beside what is calibrated, as far down as it goes.
+
+    It agrees with what is believed where most of what was beyond it comes within.
+    """
+    vector, factor, cost = beside.fit.vector, 1.0, beside.cost
     for _ in range(_STEPS):
-        problem, vector = doubt.times(search.problem, vector, factor)
-        slopes = _slopes(problem, search.fit.free, vector)
-        own = _slope(doubt, search.problem, vector, factor)
-        step, _ = _step(slopes, own, problem.residual(vector))
+        problem, vector = doubt.times(beside.problem, vector, factor)
+        slopes = _slopes(problem, beside.fit.free, vector)
+        own = _slope(doubt, beside.problem, vector, factor)
+        step, _ = _step(slopes, own, problem.residual(vector), problem.soft)
         ends = {}
         for share in _SHARES:
             moved = factor * float(np.exp(share * step[-1]))
-            ends[moved] = _followed(search, doubt, vector, moved, share * step[:-1])
+            if 1.0 / _FURTHEST < moved < _FURTHEST:
+                ends[moved] = _followed(beside, doubt, vector, moved, share * step[:-1])
+        if not ends:
+            break
         best = min(ends, key=lambda moved: ends[moved].cost)
         if not ends[best].cost < cost - _WORTH:
             break
         factor, cost, vector = best, ends[best].cost, ends[best].vector
-    agrees = not contradicted(search.problem.beliefs, vector, _AGREES)
-    return _Cleared(doubt, factor, cost, agrees)
+    beliefs = beside.problem.beliefs
+    agrees = len(contradicted(beliefs, vector)) <= off / 2.0
+    return _Cleared(doubt, factor, cost, agrees and not contradicted(beliefs, vector, _AGREES))
 
 
 def _followed(
-    search: Search, doubt: Doubt, vector: FloatArray, factor: float, step: FloatArray
+    beside: _Beside, doubt: Doubt, vector: FloatArray, factor: float, step: FloatArray
 ) -> Fit:
     """Return the fit of what is calibrated beside another factor, from a step along the valley."""
     start = vector.copy()
-    for item, change in zip(search.fit.free, step, strict=True):
+    for item, change in zip(beside.fit.free, step, strict=True):
         start[item.at] = _moved(item, vector, change)
-    problem, start = doubt.times(search.problem, start, factor)
-    return levenberg_marquardt(
-        problem, start, search.fit.free, known=search.fit.columns, refresh=0,
-        iterations=_ITERATIONS,
-    )  # fmt: skip
+    problem, start = doubt.times(beside.problem, start, factor)
+    return beside.fitted(problem, start)
 
 
 def _slopes(problem: Problem, free: Sequence[Free], vector: FloatArray) -> FloatArray:
     """Return what the residual changes by with what is calibrated, as `_moved` counts, (N, p)."""
     columns = []
     for item in free:
-        ends = []
+        ends, inside = [], 0
         for change in (_DIFFERENCE, -_DIFFERENCE):
             moved = vector.copy()
             moved[item.at] = _moved(item, vector, change)
+            inside += moved[item.at] != vector[item.at]
             ends.append(problem.residual(moved))
-        columns.append((ends[0] - ends[1]) / (2.0 * _DIFFERENCE))
+        # at a bound it moves to one side alone
+        columns.append((ends[0] - ends[1]) / (max(inside, 1) * _DIFFERENCE))
     return np.column_stack(columns)
 
 
@@ -161,9 +189,14 @@ def _moved(item: Free, vector: FloatArray, change: float) -> float:
     return min(max(moved, item.low), item.high)
 
 
-def _step(slopes: FloatArray, own: FloatArray, residual: FloatArray) -> tuple[FloatArray, float]:
-    """Return the step of what is calibrated and of a doubt, and the squares that it leaves."""
-    columns = np.column_stack([slopes, own])
-    step = np.asarray(-np.linalg.lstsq(columns, residual)[0], dtype=np.float64)
-    left = residual + columns @ step
-    return step, float(left @ left)
+def _step(
+    slopes: FloatArray, own: FloatArray, residual: FloatArray, soft: float
+) -> tuple[FloatArray, float]:
+    """Return the step of what is calibrated and of a doubt, and by how much the cost is to fall."""
+    softened, weight = soften(residual, soft)
+    columns = np.column_stack([slopes, own]) * weight[:, None]
+    if not np.isfinite(columns).all():
+        return np.zeros(columns.shape[1]), 0.0
+    step = np.asarray(-np.linalg.lstsq(columns, softened)[0], dtype=np.float64)
+    left = softened + columns @ step
+    return step, float(softened @ softened - left @ left)

@@ -42,23 +42,22 @@ _OPPOSITE = 0.05
 """Relative difference of two values whose signs alone differ."""
 
 
+def adds(search: Search, decision: Decision) -> bool:
+    """Whether anything was added to the calibrated model."""
+    return bool(search.accepted) or decision.learned
+
+
 def units_of(model: Model) -> dict[str, str]:
     """Return the unit of every parameter by key."""
     return {key: parameter.unit for key, parameter in model.plant.layout.items()}
 
 
 def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decision) -> Diagnosis:
-    """Return what was found, without errors: no run is replayed here.
-
-    Where nothing was added, the search is left at the bottom of its cost.
-    """
+    """Return what was found, without errors: no run is replayed here."""
     model = dataset.model
     layout = model.plant.layout
     end = _converged_fit(search, decision)
     fit = end.fit
-    if not search.accepted and not decision.learned:
-        # nothing was added: the revised model is the recalibrated one, as far down as it goes
-        search.base = search.fit = fit
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
         added.append(LEARNED)
@@ -127,7 +126,8 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     return Diagnosis(
         decision.verdict,
         final,
-        revised_model(model, search.base.vector, base.keys),
+        # nothing added: it is the recalibrated one, as far down as it goes
+        revised_model(model, search.base.vector, base.keys) if adds(search, decision) else final,
         tuple(effects) if decision.verdict is not Verdict.NONE else (),
         decision.unknown,
         groups,

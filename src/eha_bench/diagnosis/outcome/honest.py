@@ -62,10 +62,12 @@ def _dropped(search: Search) -> list[Refusal]:
     for item in reversed(search.effects):
         refit: Fit | None = None
         reason = _against(search, item)
-        several = len(search.effects) > 1
-        if not reason and several and (is_loose(search, item) or _at_its_place(search, item)):
+        if not reason and len(search.effects) > 1 and is_loose(search, item):
             refit = without(search, item)
             reason = _beside_others(search, item, refit)
+        if not reason and (other := _of_its_kind(search, item)):
+            refit = refit or without(search, item)
+            reason = _form_of(search, other, refit)
         if (
             not reason
             and len(search.effects) > 1
@@ -226,12 +228,6 @@ def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:
     if is_within_disagreement(search, item, refit.cost - search.fit.cost):
         return "without it the others explain as much, within what runs disagree by"
     limits, missing = search.thresholds, excess(search.problem, refit)
-    other, share = _at_its_place(search, item), missing.total / search.excess_base.total
-    if other and share < limits.form:
-        return (
-            f"it acts where {other} does, which leaves {per_cent(share, 2)} of what was missing "
-            "without it: more likely the law of that one has another form"
-        )
     found = compare(refit, search.fit, search.groups, missing.total)
     if (
         limits.is_unexplained(missing)
@@ -242,17 +238,38 @@ def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:
     return _NOT_DISTINCT
 
 
-def _at_its_place(search: Search, item: Accepted) -> str:
-    """Return another effect that acts at the same place in the same balance, "" for none."""
+def _of_its_kind(search: Search, item: Accepted) -> Accepted | None:
+    """Return another effect that changes the same term at the same place, None for none."""
 
-    def place_of(one: Accepted) -> tuple[str, tuple[str, ...]]:
+    def acts_on(one: Accepted) -> frozenset[str]:
         layout = search.problem.plant.layout
         effect = layout.effect(one.start.candidate)
         spots = effect.spots_at(layout.choice_values(effect, search.fit.vector))
-        return one.start.equation, tuple(spot.name for spot in spots)
+        names = effect.action.hooks
+        return frozenset(hook.at for spot in spots for name in names for hook in spot.hooks[name])
 
-    others = (one for one in search.effects if one is not item)
-    return next((one.start.candidate for one in others if place_of(one) == place_of(item)), "")
+    own = acts_on(item)
+    others = [one for one in search.effects if one is not item]
+    # a relief valve may drain to a tank as well, a lopsided friction may be viscous
+    return next(
+        (one for one in others if own and (own <= acts_on(one) or own >= acts_on(one))), None
+    )
+
+
+def _form_of(search: Search, other: Accepted, refit: Fit) -> str:
+    """Say that what another effect leaves alone is no second cause but its form, or nothing.
+
+    Args:
+        search: with both. other: the effect. refit: without the one that is asked for.
+    """
+    left = max(excess(search.problem, refit).total, 0.0)
+    share = left / max(other.comparison.gain, 1.0)
+    if not share < search.thresholds.form:
+        return ""
+    return (
+        f"{other.start.candidate} changes the same term, and explains all but "
+        f"{per_cent(share, 2)} without it: more likely the law of that one has another form"
+    )
 
 
 def _takes_from_belief(search: Search, refit: Fit) -> str:

@@ -94,23 +94,23 @@ def with_replay_errors(
     found: Diagnosis,
     dataset: Dataset,
     base: Baseline,
-    recalibrated: FloatArray,
+    recalibrated: FloatArray | None,
     progress: ProgressHook,
 ) -> Diagnosis:
     """Return a diagnosis with its replays and errors on training and on held-out runs.
 
     Args:
         found: what was decided. dataset: all runs. base: what it was fitted on.
-        recalibrated: parameters of the recalibrated model, with the runs' own parameters.
+        recalibrated: parameters of the recalibrated model, with the runs' own parameters; None
+            where nothing was added to it.
         progress: called with the stage and the fraction of it done.
     """
     places = base.problem.places
     own = {run: {key: item.value for key, item in it.items()} for run, it in found.per_run.items()}
     late = {clock: item.value for clock, item in found.lateness.items()}
-    vectors = (
-        places.with_values(recalibrated, {}),
-        places.with_lateness(places.with_values(found.revised.vector(), own), late),
-    )
+    revised = places.with_lateness(places.with_values(found.revised.vector(), own), late)
+    before = revised if recalibrated is None else places.with_values(recalibrated, {})
+    vectors = (before, revised)
     models = (dataset.model, found.recalibrated, found.revised)
     scores = scores_of(dataset, base, models, vectors, progress)
     fields = scores.fields(found.per_run, found.notes)

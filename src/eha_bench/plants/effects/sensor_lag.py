@@ -26,9 +26,14 @@ def follow(read: float, before: float, value: float, h: float, time_constant: fl
 
 
 def fall_behind(behind: float, last: float, speed: float, h: float, time_constant: float) -> float:
-    """Return how far the reading of a speed is behind it after a time h, in its unit."""
+    """Return how far the reading of a speed is behind it after a time h, in its unit.
+
+    A kernel moves effects on by halves of a step, and what moves by whole ones: a change shows in
+    the second half, and is one over both.
+    """
     kept = math.exp(-h / time_constant)
-    return behind * kept + (speed - last) * (1.0 - kept) * time_constant / h
+    slope = (speed - last) / (2.0 * h)
+    return behind * kept + slope * (1.0 - kept * kept) * time_constant
 
 
 def passed(speed: float) -> float:

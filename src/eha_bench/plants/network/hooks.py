@@ -159,6 +159,11 @@ class Hooks:
         others = [item for item in self._order if not item.action.remembers]
         return self._states_lines("start", others)
 
+    def restart(self, at: str) -> list[str]:
+        """Return the lines that set the states of the effects of a place as at the first sample."""
+        effects = {use.effect.id: use.effect for use in self._uses.get(at, ())}
+        return self._states_lines("start", list(effects.values()))
+
     @property
     def unread(self) -> dict[str, int]:
         """States of which nothing read says where they begin -> place in `S`."""

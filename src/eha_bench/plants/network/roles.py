@@ -118,6 +118,11 @@ def usual_effort(system: System, item: Coordinate) -> float:
     levels = [_default(system, part.name, "coulomb") for part, _, _ in system.terms(item, Friction)]
     if any(level > 0.0 for level in levels):
         return sum(levels)
+    return _driving_effort(system, item) or 1.0
+
+
+def _driving_effort(system: System, item: Coordinate) -> float:
+    """Return a part of what may drive a coordinate that matters, N (or N*m); 0 for none."""
     found = [0.0]
     for part in system.parts.values():
         port = part.element.ports.get("on", "")
@@ -145,7 +150,7 @@ def usual_effort(system: System, item: Coordinate) -> float:
         elif kind == "pendulum":
             weight = _default(system, part.name, "mass") * _default(system, part.name, "gravity")
             found.append(0.05 * weight * _default(system, part.name, "length") * ratio)
-    return max(found) or 1.0
+    return max(found)
 
 
 def usual_flow(system: System) -> float:
@@ -679,14 +684,19 @@ def _speed_sensor(system: System) -> Iterator[Spot]:
 
 
 def _usual_acceleration(system: System, item: Coordinate) -> float:
-    """Return an acceleration that matters at a coordinate, 0 where it declares no inertia."""
+    """Return an acceleration that a coordinate may have, 0 where no inertia is declared."""
     inertia = sum(
         _ratio(system, node.name) ** 2
         * _default(system, node.name, "inertia" if node.kind is NodeKind.ROTATION else "mass")
         for node in system.network.nodes.values()
         if node.kind in UNITS and system.leader_of(node.name) is item
     )
-    return _STRONG * usual_effort(system, item) / inertia if inertia else 0.0
+    if not inertia:
+        # that of a pendulum, or of a load
+        own = system.parameters
+        inertia = system.declared_inertia(item, lambda key: own[system.index[key]].default).inertia
+    effort = max(usual_effort(system, item), _driving_effort(system, item))
+    return _STRONG * effort / inertia if inertia else 0.0
 
 
 def _loaded_shaft(system: System) -> Iterator[Spot]:

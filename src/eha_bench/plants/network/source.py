@@ -22,6 +22,7 @@ from eha_bench.plants.network.system import (
     Volume,
     at_coordinate,
 )
+from eha_bench.plants.plant import AT_ONCE
 
 # Dividing needs no test for zero: all of them together take long to compile. What is cached is what
 # Python calls; the rest is compiled into it.
@@ -963,6 +964,12 @@ class Writer:
         if self._factors:
             lines.append("    prepare_signals(h, X, P, S)")
         for number, column in self._commands:
+            assert column.part is not None
+            if again := self.hooks.restart(f"command:{column.part.name}"):
+                # before the oldest row was what stood there, and turns of long ago have all arrived
+                lines += [f"    if k == 0 or times[k + 1] - times[k] < {10.0 * AT_ONCE!r}:",
+                          f"        S[{column.signal}] = inputs[k, {number}]",
+                          *(f"        {line}" for line in again)]  # fmt: skip
             # a spool follows what has arrived
             value = self._commanded(number, column, "times[k]", "(times[k + 1] - times[k])")
             value = f"{value} if given[{number}] else 0.0"
@@ -1018,6 +1025,9 @@ class Writer:
                     f"    reading = {asked.reading} - {asked.period} * speed",
                     *(f"    {line}" for line in self._asked_lines(*asked.of, asked.command)),
                     f"    S[{asked.of[1].signal}] = asked{asked.of[0]}",
+                    # what is delayed looks back at it
+                    "    for j in range(first):",
+                    f"        inputs[j, {asked.of[0]}] = asked{asked.of[0]}",
                 ]
         return lines
 
