@@ -200,7 +200,7 @@ def _at_bound(search: Search, item: Accepted, vector: FloatArray) -> str:
 
 def _against(search: Search, item: Accepted) -> str:
     """Say what speaks against an effect that was added, or nothing."""
-    start, found, limits = item.start, item.comparison, search.thresholds
+    found, limits = item.comparison, search.thresholds
     if reason := _beyond(search, item, search.fit.vector):
         return reason
     if found.explained_out <= 0.0 or found.gain_out <= 0.0:
@@ -210,13 +210,23 @@ def _against(search: Search, item: Accepted) -> str:
     missing = search.excess_base
     may_be_level = not (limits.has_structure(missing) or limits.is_much(missing))
     if may_be_level and not (
-        limits.is_clear(found, missing.size) or deviations_off(search, start) > limits.clear
+        limits.is_clear(found, missing.size) or _deviations_off(search, item) > limits.clear
     ):
         return _NOT_DISTINCT
     if len(search.effects) == 1 and not limits.is_enough(found, missing, 0):
         share = max(min(found.share, found.share_out), 0.0)
         return f"it explains only {per_cent(share)} of the error without it"
     return ""
+
+
+def _deviations_off(search: Search, item: Accepted) -> float:
+    """Return how many standard deviations an effect is from none.
+
+    By its strength, or by its gain where that one is not determined: of two lags in a row either
+    may be the one that is there.
+    """
+    off = deviations_off(search, item.start)
+    return off if off > 0.0 else sqrt(max(item.comparison.gain, 0.0))
 
 
 def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:
