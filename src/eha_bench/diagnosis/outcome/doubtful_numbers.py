@@ -24,7 +24,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.beliefs import contradicted
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
-from eha_bench.diagnosis.outcome.doubt import Doubt, doubts_of
+from eha_bench.diagnosis.outcome.doubt import Doubt, NoDoubt, doubts_of
 from eha_bench.diagnosis.search.state import Search
 
 _SEVERAL = 2
@@ -56,9 +56,7 @@ class _Beside:
 
     def __init__(self, problem: Problem, fit: Fit) -> None:
         self.problem, self.fit = problem, fit
-        # what a few more steps gain is no gain of a doubt's
-        before = cost_of(problem, fit.vector)
-        self.cost = min(before, self.fitted(problem, fit.vector).cost)
+        self.cost = cost_of(problem, fit.vector)
 
     def fitted(self, problem: Problem, vector: FloatArray) -> Fit:
         """Return the fit of what is calibrated, in some steps from there."""
@@ -90,9 +88,13 @@ def note_of_doubtful_numbers(search: Search) -> str:
     problem = search.problem.apart()
     problem.prepare(search.fit.vector)
     beside = _Beside(problem, search.fit)
+    # what the calibration had left to gain is no gain of a doubt's
+    alone = _cleared(beside, NoDoubt(), len(off))
+    if alone.agrees:
+        return ""
     found = [_cleared(beside, doubt, len(off)) for doubt in _promising(beside, search.keys)]
     clear = search.thresholds.behind
-    helping = [item for item in found if item.agrees and beside.cost - item.cost > clear]
+    helping = [item for item in found if item.agrees and alone.cost - item.cost > clear]
     if not helping:
         return ""
     least = min(item.cost for item in helping)
