@@ -132,17 +132,17 @@ def _cleared(beside: _Beside, doubt: Doubt, off: int) -> _Cleared:
         slopes = _slopes(problem, beside.fit.free, vector)
         own = _slope(doubt, beside.problem, vector, factor)
         step, _ = _step(slopes, own, problem.residual(vector), problem.soft)
-        ends = {}
+        ends: list[tuple[float, Fit]] = []
         for share in _SHARES:
             moved = factor * float(np.exp(share * step[-1]))
             if 1.0 / _FURTHEST < moved < _FURTHEST:
-                ends[moved] = _followed(beside, doubt, vector, moved, share * step[:-1])
+                ends.append((moved, _followed(beside, doubt, vector, moved, share * step[:-1])))
         if not ends:
             break
-        best = min(ends, key=lambda moved: ends[moved].cost)
-        if not ends[best].cost < cost - _WORTH:
+        best, end = min(ends, key=lambda pair: pair[1].cost)
+        if not end.cost < cost - _WORTH:
             break
-        factor, cost, vector = best, ends[best].cost, ends[best].vector
+        factor, cost, vector = best, end.cost, end.vector
     beliefs = beside.problem.beliefs
     agrees = len(contradicted(beliefs, vector)) <= off / 2.0
     return _Cleared(doubt, factor, cost, agrees and not contradicted(beliefs, vector, _AGREES))
