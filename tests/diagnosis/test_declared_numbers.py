@@ -12,6 +12,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.recordings import write
+from eha_bench.report.diagnosis_text import headline
 
 RATIO, TORQUE_CONSTANT = 9.0, 0.105
 """Of the leg that is recorded."""
@@ -146,3 +147,7 @@ def test_a_number_that_others_make_up_for_is_named_where_these_are_not_as_believ
     said = re.search(r"motor.torque_constant of ([\d.]+) N\*m/A, declared as 0.131 and not", note)
     assert said is not None
     assert float(said[1]) == pytest.approx(TORQUE_CONSTANT, rel=0.03)
+    assert any("motor.torque_constant" in words for words in found.doubtful)
+    status, verdict, _ = headline(found)
+    assert status == "warned"
+    assert "all would be as believed with motor.torque_constant" in verdict

@@ -17,7 +17,7 @@ from eha_bench.diagnosis.outcome.beyond_training import beyond_training, uncheck
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameters
-from eha_bench.diagnosis.outcome.doubtful_numbers import note_of_doubtful_numbers
+from eha_bench.diagnosis.outcome.doubtful_numbers import doubtful_numbers
 from eha_bench.diagnosis.outcome.findings import adds, assemble
 from eha_bench.diagnosis.outcome.honest import (
     against_the_end,
@@ -181,11 +181,13 @@ class Conclusion:
         self.progress(self.stage, 0.0)
         try:
             with checkpoints(asked), fits_by(workers):
-                note = note_of_doubtful_numbers(self.search)
+                doubtful = doubtful_numbers(self.search)
         except KeyboardInterrupt:
             note = "interrupted before numbers that may be declared wrongly were looked for"
             return replace(found.with_note(note), complete=False)
-        return found.with_note(note) if note else found
+        if doubtful is None:
+            return found
+        return replace(found.with_note(doubtful.note), doubtful=doubtful.words)
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
         """Note loads, masses or friction whose differences between runs explain it."""

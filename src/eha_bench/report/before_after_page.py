@@ -154,7 +154,8 @@ def _cause(diagnosis: Mapping[str, Any]) -> str:
     if diagnosis["verdict"] == "none":
         numbers = [f"another {name}" for name in diagnosis.get("corrected") or {}]
         maps = [f"another channel map ({words})" for words in diagnosis.get("misread") or []]
-        but = ", ".join([*numbers, *maps])
+        doubts = [f"perhaps {words}" for words in diagnosis.get("doubtful") or []]
+        but = ", ".join([*numbers, *maps, *doubts])
         return f"Nothing is missing from the model{f' but {but}' if but else ''}."
     if diagnosis["verdict"] == "effect":
         causes = [f"{words_of(i['id'])} (in {where(i['equation'])})" for i in diagnosis["effects"]]

@@ -85,6 +85,8 @@ def headline(found: Diagnosis) -> tuple[str, str, str]:
 def declared_wrongly(found: Diagnosis) -> list[str]:
     """Return what is declared otherwise than the data ask for, a clause for each mistake."""
     clauses = [f"its channel map is wrong: {words} is right" for words in found.misread]
+    if found.doubtful:
+        clauses.append(f"all would be as believed with {' or '.join(found.doubtful)}")
     for name, declared in found.corrected.items():
         now = found.calibrated[name]
         values = (amount(value, now.unit) for value in (declared, now.value))

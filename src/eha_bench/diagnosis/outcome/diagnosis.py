@@ -155,6 +155,7 @@ class Diagnosis:
         corrected: parameters of these that nobody calibrates, and of which the data ask for another
             value than the declared one -> that one, SI.
         misread: channels that their map mistakes, with how they are read instead.
+        doubtful: numbers and scales, each with which all would be as believed that is not.
         per_run: run -> parameter of that run alone -> value with its interval; of held-out
             runs by their first part.
         undetermined: directions that the data do not determine, in words.
@@ -189,6 +190,7 @@ class Diagnosis:
     calibrated: Mapping[str, Estimate] = field(default_factory=dict)
     corrected: Mapping[str, float] = field(default_factory=dict)
     misread: tuple[str, ...] = ()
+    doubtful: tuple[str, ...] = ()
     per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
     convergence: Convergence | None = None
@@ -273,6 +275,7 @@ class Diagnosis:
                 for name, value in self.corrected.items()
             },
             "misread": list(self.misread),
+            "doubtful": list(self.doubtful),
             "per_run": own_to_dict(self.per_run),
             "lateness": {name: estimate_to_dict(e) for name, e in self.lateness.items()},
             "undetermined": list(self.undetermined),

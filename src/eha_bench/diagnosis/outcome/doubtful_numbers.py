@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,35 +77,43 @@ class _Cleared:
     agrees: bool
 
 
-def note_of_doubtful_numbers(search: Search) -> str:
-    """Say with which number, or scale, all is as believed that is not; "" where there is none.
+class DoubtfulNumbers(NamedTuple):
+    """Numbers, or scales, with each of which all would be as believed, and a note on them."""
+
+    words: tuple[str, ...]
+    note: str
+
+
+def doubtful_numbers(search: Search) -> DoubtfulNumbers | None:
+    """Return the numbers, or scales, with which all is as believed that is not, None for none.
 
     Args:
         search: finished, without anything that was added.
     """
     off = contradicted(search.problem.beliefs, search.fit.vector)
     if len(off) < _SEVERAL or not search.fit.free:
-        return ""
+        return None
     problem = search.problem.apart()
     problem.prepare(search.fit.vector)
     beside = _Beside(problem, search.fit)
     # what the calibration had left to gain is no gain of a doubt's
     alone = _cleared(beside, NoDoubt(), len(off))
     if alone.agrees:
-        return ""
+        return None
     found = [_cleared(beside, doubt, len(off)) for doubt in _promising(beside, search.keys)]
     clear = search.thresholds.behind
     helping = [item for item in found if item.agrees and alone.cost - item.cost > clear]
     if not helping:
-        return ""
+        return None
     least = min(item.cost for item in helping)
     alike = [item for item in helping if item.cost - least < clear]
     alike.sort(key=lambda item: item.cost)
-    return (
+    words = tuple(item.doubt.said(item.factor) for item in alike)
+    note = (
         f"CAUTION: nothing is missing, but {', '.join(item.key for item in off)} are outside "
-        "their `within`; all would be as believed with "
-        f"{', or '.join(item.doubt.said(item.factor) for item in alike)}: check it"
+        f"their `within`; all would be as believed with {', or '.join(words)}: check it"
     )
+    return DoubtfulNumbers(words, note)
 
 
 def _promising(beside: _Beside, calibrated: tuple[str, ...]) -> Sequence[Doubt]:
