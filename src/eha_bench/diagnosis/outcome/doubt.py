@@ -23,29 +23,14 @@ class Doubt(Protocol):
     """Something declared that may be off by a factor."""
 
     def times(
-        self, problem: Problem, vector: FloatArray, factor: float, /
+        self, problem: Problem, vector: FloatArray, factor: float
     ) -> tuple[Problem, FloatArray]:
         """Return a problem, prepared, and parameters, with it so many times what was declared."""
         ...
 
-    def said(self, factor: float, /) -> str:
+    def said(self, factor: float) -> str:
         """Say what is declared, and what would be right, as a clause."""
         ...
-
-
-@dataclass(frozen=True)
-class NoDoubt:
-    """Nothing: all is as it was declared."""
-
-    def times(
-        self, problem: Problem, vector: FloatArray, _factor: float, /
-    ) -> tuple[Problem, FloatArray]:
-        """Return both as they are."""
-        return problem, vector
-
-    def said(self, _factor: float, /) -> str:
-        """Say that."""
-        return "what was declared"
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,17 @@ Source: Björck, Numerical Methods for Least Squares Problems, SIAM 1996, sectio
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.beliefs import contradicted
+from eha_bench.diagnosis.fit.finish import lowest_fit
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
-from eha_bench.diagnosis.outcome.doubt import Doubt, NoDoubt, doubts_of
+from eha_bench.diagnosis.outcome.doubt import Doubt, doubts_of
 from eha_bench.diagnosis.search.state import Search
 
 _SEVERAL = 2
@@ -46,25 +47,6 @@ _FURTHEST = 10.0
 """Factor by which what is declared may be off at most."""
 _WORTH = 1.0
 """Fall of the cost by a step from which the next one is tried."""
-
-
-class _Beside:
-    """What doubts are fitted beside: a problem of its own, prepared at a fit, with its cost.
-
-    Args:
-        problem: prepared. fit: of what is calibrated.
-    """
-
-    def __init__(self, problem: Problem, fit: Fit) -> None:
-        self.problem, self.fit = problem, fit
-        self.cost = cost_of(problem, fit.vector)
-
-    def fitted(self, problem: Problem, vector: FloatArray) -> Fit:
-        """Return the fit of what is calibrated, in some steps from there."""
-        return levenberg_marquardt(
-            problem, vector, self.fit.free, known=self.fit.columns, refresh=0,
-            iterations=_ITERATIONS,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -90,19 +72,21 @@ def doubtful_numbers(search: Search) -> DoubtfulNumbers | None:
     Args:
         search: finished, without anything that was added.
     """
-    off = contradicted(search.problem.beliefs, search.fit.vector)
-    if len(off) < _SEVERAL or not search.fit.free:
+    if len(contradicted(search.problem.beliefs, search.fit.vector)) < _SEVERAL:
         return None
     problem = search.problem.apart()
     problem.prepare(search.fit.vector)
-    beside = _Beside(problem, search.fit)
-    # what the calibration had left to gain is no gain of a doubt's
-    alone = _cleared(beside, NoDoubt(), len(off))
-    if alone.agrees:
+    # a calibration that stopped in a valley comes back by itself
+    fit = lowest_fit(problem, search.fit)
+    off = contradicted(problem.beliefs, fit.vector)
+    if len(off) < _SEVERAL:
         return None
-    found = [_cleared(beside, doubt, len(off)) for doubt in _promising(beside, search.keys)]
+    fit = replace(fit, cost=cost_of(problem, fit.vector))
     clear = search.thresholds.behind
-    helping = [item for item in found if item.agrees and alone.cost - item.cost > clear]
+    found = [
+        _cleared(problem, fit, doubt, len(off)) for doubt in _promising(problem, fit, search.keys)
+    ]
+    helping = [item for item in found if item.agrees and fit.cost - item.cost > clear]
     if not helping:
         return None
     least = min(item.cost for item in helping)
@@ -116,11 +100,11 @@ def doubtful_numbers(search: Search) -> DoubtfulNumbers | None:
     return DoubtfulNumbers(words, note)
 
 
-def _promising(beside: _Beside, calibrated: tuple[str, ...]) -> Sequence[Doubt]:
+def _promising(problem: Problem, fit: Fit, calibrated: tuple[str, ...]) -> Sequence[Doubt]:
     """Return the doubts that promise most by the slopes at what is declared."""
-    problem, vector = beside.problem, beside.fit.vector
+    vector = fit.vector
     residual = problem.residual(vector)
-    slopes = _slopes(problem, beside.fit.free, vector)
+    slopes = _slopes(problem, fit.free, vector)
     falls = {}
     for doubt in doubts_of(problem, vector, calibrated):
         own = _slope(doubt, problem, vector, 1.0)
@@ -130,42 +114,48 @@ def _promising(beside: _Beside, calibrated: tuple[str, ...]) -> Sequence[Doubt]:
     return [doubt for doubt in order if falls[doubt] >= least][:_FOLLOWED]
 
 
-def _cleared(beside: _Beside, doubt: Doubt, off: int) -> _Cleared:
+def _cleared(base: Problem, fit: Fit, doubt: Doubt, off: int) -> _Cleared:
     """Return a doubt fitted beside what is calibrated, as far down as it goes.
 
     It agrees with what is believed where most of what was beyond it comes within.
     """
-    vector, factor, cost = beside.fit.vector, 1.0, beside.cost
+    vector, factor, cost = fit.vector, 1.0, fit.cost
     for _ in range(_STEPS):
-        problem, vector = doubt.times(beside.problem, vector, factor)
-        slopes = _slopes(problem, beside.fit.free, vector)
-        own = _slope(doubt, beside.problem, vector, factor)
+        problem, vector = doubt.times(base, vector, factor)
+        slopes = _slopes(problem, fit.free, vector)
+        own = _slope(doubt, base, vector, factor)
         step, _ = _step(slopes, own, problem.residual(vector), problem.soft)
         ends: list[tuple[float, Fit]] = []
         for share in _SHARES:
             moved = factor * float(np.exp(share * step[-1]))
             if 1.0 / _FURTHEST < moved < _FURTHEST:
-                ends.append((moved, _followed(beside, doubt, vector, moved, share * step[:-1])))
+                start = _along(fit.free, vector, share * step[:-1])
+                other, start = doubt.times(base, start, moved)
+                ends.append((moved, _fitted(other, fit, start)))
         if not ends:
             break
         best, end = min(ends, key=lambda pair: pair[1].cost)
         if not end.cost < cost - _WORTH:
             break
         factor, cost, vector = best, end.cost, end.vector
-    beliefs = beside.problem.beliefs
+    beliefs = base.beliefs
     agrees = len(contradicted(beliefs, vector)) <= off / 2.0
     return _Cleared(doubt, factor, cost, agrees and not contradicted(beliefs, vector, _AGREES))
 
 
-def _followed(
-    beside: _Beside, doubt: Doubt, vector: FloatArray, factor: float, step: FloatArray
-) -> Fit:
-    """Return the fit of what is calibrated beside another factor, from a step along the valley."""
-    start = vector.copy()
-    for item, change in zip(beside.fit.free, step, strict=True):
-        start[item.at] = _moved(item, vector, change)
-    problem, start = doubt.times(beside.problem, start, factor)
-    return beside.fitted(problem, start)
+def _along(free: Sequence[Free], vector: FloatArray, step: FloatArray) -> FloatArray:
+    """Return parameters moved along the valley."""
+    moved = vector.copy()
+    for item, change in zip(free, step, strict=True):
+        moved[item.at] = _moved(item, vector, change)
+    return moved
+
+
+def _fitted(problem: Problem, fit: Fit, vector: FloatArray) -> Fit:
+    """Return the fit of what is calibrated from some parameters, with a fit's slopes to begin."""
+    return levenberg_marquardt(
+        problem, vector, fit.free, known=fit.columns, refresh=0, iterations=_ITERATIONS
+    )
 
 
 def _slopes(problem: Problem, free: Sequence[Free], vector: FloatArray) -> FloatArray:
