@@ -16,7 +16,14 @@ from eha_bench.plants.effect import Effect, Equation, Hook, Spot
 from eha_bench.plants.network.element import Friction, NodeKind
 from eha_bench.plants.network.network import UNITS
 from eha_bench.plants.network.rigid_joint import rigid_joints
-from eha_bench.plants.network.system import BoundElement, Coordinate, PlantInput, System, Volume
+from eha_bench.plants.network.system import (
+    BoundElement,
+    Coordinate,
+    PlantInput,
+    System,
+    Volume,
+    at_coordinate,
+)
 
 _STATE = re.compile(r"\b([vxp])(\d+)\b")
 _TIME = re.compile(r"\bt\b")
@@ -115,10 +122,11 @@ def _default(system: System, owner: str, name: str) -> float:
 
 def usual_effort(system: System, item: Coordinate) -> float:
     """Return a force (or torque) that matters at a coordinate, N (or N*m)."""
-    levels = [_default(system, part.name, "coulomb") for part, _, _ in system.terms(item, Friction)]
-    if any(level > 0.0 for level in levels):
-        return sum(levels)
-    return _driving_effort(system, item) or 1.0
+    level = sum(
+        _default(system, part.name, "coulomb") * _ratio(system, part.element.ports[term.port])
+        for part, term, _ in system.terms(item, Friction)
+    )
+    return level if level > 0.0 else _driving_effort(system, item) or 1.0
 
 
 def _driving_effort(system: System, item: Coordinate) -> float:
@@ -185,17 +193,19 @@ def _usual_position(system: System, item: Coordinate) -> float:
         )  # fmt: skip
         if area:
             # the turn of the pump that moves its piston so far
-            return 2e-4 * area / _default(system, part.name, "displacement")
+            turn = 2e-4 * area / _default(system, part.name, "displacement")
+            return turn / _ratio(system, part.element.ports["on"])
     return 0.01
 
 
 def _usual_speed(system: System, item: Coordinate, effort: float) -> float:
     """Return a speed that matters, m/s or rad/s: there viscous friction is as large as the rest."""
-    declared = [
-        _default(system, part.name, "viscous") for part, _, _ in system.terms(item, Friction)
-    ]
-    if sum(declared) > 0.0:
-        return effort / sum(declared)
+    damping = sum(
+        _default(system, part.name, "viscous") * _ratio(system, part.element.ports[term.port]) ** 2
+        for part, term, _ in system.terms(item, Friction)
+    )
+    if damping > 0.0:
+        return effort / damping
     return 0.1 if item.node.kind is NodeKind.TRANSLATION else 10.0
 
 
@@ -203,8 +213,11 @@ def _usual(system: System, item: Coordinate) -> dict[str, float]:
     effort, position = usual_effort(system, item), _usual_position(system, item)
     speed = _usual_speed(system, item, effort)
     stribeck = 5e-3 if item.node.kind is NodeKind.TRANSLATION else 0.3
-    declared = [_default(system, part.name, "stribeck_speed")
-                for part, _, _ in system.terms(item, Friction)]  # fmt: skip
+    declared = [
+        _default(system, part.name, "stribeck_speed")
+        / _ratio(system, part.element.ports[term.port])
+        for part, term, _ in system.terms(item, Friction)
+    ]
     return {
         "effort": effort,
         "position": position,
@@ -685,18 +698,22 @@ def _speed_sensor(system: System) -> Iterator[Spot]:
 
 def _usual_acceleration(system: System, item: Coordinate) -> float:
     """Return an acceleration that a coordinate may have, 0 where no inertia is declared."""
-    inertia = sum(
-        _ratio(system, node.name) ** 2
-        * _default(system, node.name, "inertia" if node.kind is NodeKind.ROTATION else "mass")
-        for node in system.network.nodes.values()
-        if node.kind in UNITS and system.leader_of(node.name) is item
-    )
+    inertia = _inertia_of_nodes(system, item)
     if not inertia:
         # that of a pendulum, or of a load
         own = system.parameters
         inertia = system.declared_inertia(item, lambda key: own[system.index[key]].default).inertia
     effort = max(usual_effort(system, item), _driving_effort(system, item))
     return _STRONG * effort / inertia if inertia else 0.0
+
+
+def _inertia_of_nodes(system: System, item: Coordinate) -> float:
+    """Return what is declared of a coordinate's own nodes, kg*m^2 (or kg) at the coordinate."""
+    return sum(
+        _ratio(system, node) ** 2
+        * (_default(system, node, "inertia") + _default(system, node, "mass"))
+        for node in system.nodes_on(item)
+    )
 
 
 def _loaded_shaft(system: System) -> Iterator[Spot]:
@@ -716,7 +733,7 @@ def _loaded_shaft(system: System) -> Iterator[Spot]:
                     system, f"outside{item.number}({', '.join(call)})"
                 ),
             }
-            stiffness = _CONTACT**2 * (_default(system, item.name, "inertia") or 1.0)
+            stiffness = _CONTACT**2 * (_inertia_of_nodes(system, item) or 1.0)
             yield replace(spot, names=names, usual={**spot.usual, "stiffness": stiffness})
 
 
@@ -769,9 +786,9 @@ def _joint(system: System, item: Coordinate) -> Iterator[Spot]:
     }
     call = ", ".join([*system.state_names, "t", "X", "P", "S"])
     frictions = [
-        str(system.parameter(part.name, "coulomb"))
+        f"abs({ratio or '1.0'}) * {system.parameter(part.name, 'coulomb')}"
         for part, term, ratio in system.terms(item, Friction)
-        if term.level is not None and not ratio
+        if term.level is not None
     ]
     pulled = shown_expression(system, f"outside{item.number}({call})")
     names = {
@@ -781,7 +798,7 @@ def _joint(system: System, item: Coordinate) -> Iterator[Spot]:
         "pulled_there": pulled,
         "viscous_force": _viscous(system, item),
         "load_mass": " + ".join(shown_expression(system, text) for text in system.inertias(item)),
-        "coulomb": " + ".join(frictions) or "0.0",
+        "coulomb": shown_expression(system, " + ".join(frictions)) or "0.0",
         "resting": repr(5e-3 * play),
     }
     units = {
@@ -795,11 +812,11 @@ def _joint(system: System, item: Coordinate) -> Iterator[Spot]:
 
 def _viscous(system: System, item: Coordinate) -> str:
     terms = [
-        f"{system.parameter(part.name, term.viscous)} * X[{item.speed}]"
+        at_coordinate(f"{system.parameter(part.name, term.viscous)} * X[{item.speed}]", ratio)
         for part, term, ratio in system.terms(item, Friction)
-        if term.viscous and not ratio
+        if term.viscous
     ]
-    return " + ".join(terms) or "0.0"
+    return shown_expression(system, " + ".join(terms)) or "0.0"
 
 
 def _hanging(system: System) -> Iterator[Spot]:

@@ -896,18 +896,20 @@ class System:
         Args:
             item: the coordinate. value: parameter -> its value.
         """
-        keys = [
-            self.slot_of[f"{name}.{key}"]
+        weights = [
+            (self.slot_of[f"{name}.{key}"], self.declared_ratio(name) ** 2)
             for name in self.nodes_on(item)
             for key in ("inertia", "mass")
             if f"{name}.{key}" in self.slot_of
         ]
-        total = sum(value(key) for key in keys)
+        keys = [key for key, _ in weights]
+        total = sum(value(key) * share for key, share in weights)
         for part, term, _ in self.terms(item, Inertia):
+            share = self.declared_ratio(part.element.ports[term.port]) ** 2
             names = [f"{part.name}.{name}" for name in inspect.signature(term.law).parameters]
             own = [self.slot_of[name] for name in names if name in self.slot_of]
             keys += own
-            total += term.law(*map(value, own)) if len(own) == len(names) else math.inf
+            total += share * term.law(*map(value, own)) if len(own) == len(names) else math.inf
         return Weighed(item.name, total, tuple(keys))
 
     def inertias_of_nodes(self, item: Coordinate) -> list[str]:
