@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from known_search import LinearProblem, search_of, shape, start_of
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.fit.beliefs import Belief, contradicted
 from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Improvement
 from eha_bench.diagnosis.fit.least_squares import Fit
@@ -359,3 +360,32 @@ def test_the_best_is_fitted_on_where_its_shape_may_be_wrong(
     monkeypatch.setattr(look, "levenberg_marquardt", lambda *_, **__: better)
     found = look._with_its_shape(searched, item)
     assert (found.fit is better) is on
+
+
+@pytest.mark.parametrize(
+    ("relative", "brought_back", "chosen"),
+    [
+        # readings at the noise and two values off: a cause has to bring them back
+        (0.01, (False, False), None),
+        (0.01, (True, False), RIGHT),
+        # where readings show what is missing, values may stay as they are
+        (0.5, (False, False), RIGHT),
+    ],
+)
+def test_what_beliefs_alone_ask_for_brings_values_back(
+    search: Search, relative: float, brought_back: tuple[bool, bool], chosen: str | None
+) -> None:
+    vector = search.fit.vector
+    beliefs = tuple(Belief(f"value_{k}", k, vector[k] + 2.0, 1.0) for k in range(2))
+    assert len(contradicted(beliefs, vector)) == len(beliefs)
+    search.problem.beliefs = beliefs
+    size = search.excess_base.size
+    search.excess_left = replace(
+        search.excess_base, total=relative * SOFT_MEAN * size, significance=20.0
+    )
+    item = trial(search, RIGHT, search.fit.cost - 1000.0)
+    moved = vector.copy()
+    for belief, back in zip(beliefs, brought_back, strict=True):
+        moved[belief.at] += 2.0 if back else 0.0
+    found = choice.choose(search, [replace(item, fit=replace(item.fit, vector=moved))])
+    assert (found.candidate if found else None) == chosen

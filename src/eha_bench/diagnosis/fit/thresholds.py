@@ -220,8 +220,11 @@ class Thresholds:
         Or it left nothing by going far from what is believed of its parameters: they imitate what
         is missing.
         """
-        seen = rest.relative > self.look and self.has_structure(rest)
-        return seen or rest.against_beliefs > self.gain
+        return self.is_seen(rest) or rest.against_beliefs > self.gain
+
+    def is_seen(self, rest: Excess) -> bool:
+        """Whether readings hold enough to distinguish another cause from what a fit leaves over."""
+        return rest.relative > self.look and self.has_structure(rest)
 
     def least_share(self, before: Excess) -> float:
         """Return the least share that an effect takes of an excess."""

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from eha_bench.diagnosis.fit.beliefs import contradicted
 from eha_bench.diagnosis.fit.candidates import is_drawn
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
 from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.diagnosis.search.yielding import yields_to
+
+_SEVERAL = 2
+"""Values beyond what is believed of them that are no chance."""
 
 
 def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
@@ -62,10 +66,27 @@ def _is_acceptable(search: Search, item: Refit) -> bool:
     limits, found = search.thresholds, item.comparison
     if not limits.allow(found):
         return False
+    if not _relieves(search, item):
+        return False
     if is_drawn(search.problem.plant.layout, item.start):
         # one that is only bent by what is missing explains a part of it, and carries over badly
         return min(found.share, found.share_out) > limits.nearly_all
     return limits.is_enough(found, search.excess_left, len(search.effects))
+
+
+def _relieves(search: Search, item: Refit) -> bool:
+    """Whether a candidate brings back what is believed, where that says something is missing.
+
+    Where readings hold next to nothing, parameters beyond what is believed of them are what a cause
+    has to explain. One that leaves them there gains by the form of what is there, and imitates what
+    moved them (the scale of a sensor).
+    """
+    limits, missing = search.thresholds, search.excess_left
+    beliefs = search.problem.beliefs
+    off = len(contradicted(beliefs, search.fit.vector))
+    if limits.is_seen(missing) or (off < _SEVERAL and missing.against_beliefs <= limits.gain):
+        return True
+    return len(contradicted(beliefs, item.fit.vector)) <= off / 2.0
 
 
 def equivalents(search: Search, chosen: Refit, trials: Sequence[Refit]) -> tuple[str, ...]:
