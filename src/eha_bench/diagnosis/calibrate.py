@@ -53,7 +53,6 @@ from eha_bench.diagnosis.outcome.findings import (
     lateness_estimates,
     lateness_note,
     own_estimates,
-    units_of,
 )
 from eha_bench.diagnosis.outcome.model_errors import scores_of
 from eha_bench.diagnosis.outcome.revise import revised_model
@@ -195,7 +194,8 @@ def _calibrate(loaded: Dataset, out: str | Path | None, progress: ProgressHook) 
         except CalibrationInterrupted as stop:
             base, complete = stop.baseline, False
         groups = groups_of(base.problem)
-        ended = with_friction_at_rest(base, groups, units_of(loaded.model))
+        units = loaded.model.plant.layout.units_at(loaded.model.vector())
+        ended = with_friction_at_rest(base, groups, units)
         found = replace(_estimates(base, ended, groups), complete=False)
         found.keep(out)
         stage = "intervals"
@@ -233,7 +233,7 @@ def _estimates(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
     ]
     if starts := starts_of(base.problem):
         notes.append(angles_note(starts))
-    values = estimates(end.fit, groups, units_of(model), shift=end.shifts)
+    values = estimates(end.fit, groups, places.layout.units_at(vector), shift=end.shifts)
     open_ = open_parameters(end.fit) if ended.convergence.has_intervals else values.keys()
     values = {key: item.without_interval if key in open_ else item for key, item in values.items()}
     late = lateness_estimates(places, values)

@@ -87,6 +87,16 @@ class Layout:
             for k in on
         )
 
+    def units_at(self, vector: FloatArray) -> dict[str, str]:
+        """Return the unit of every parameter by key, an effect's where the vector has it act."""
+        units = {parameter.name: parameter.unit for parameter in self.parameters}
+        for effect in self.effects:
+            at = self.choice_values(effect, vector)
+            for parameter in effect.parameters:
+                unit = effect.parameter_at(parameter.name, at).unit
+                units[f"{effect.id}.{parameter.name}"] = unit
+        return units
+
     def choice_values(self, effect: BoundEffect, vector: FloatArray) -> dict[str, object]:
         """Return the values of an effect's choices in a vector."""
         return {

@@ -198,10 +198,11 @@ def moved_notes(
     notes = []
     layout = model.plant.layout
     declared, index = model.vector(), layout.index
+    units = layout.units_at(declared)
     for key in dict.fromkeys(model.calibrate):
         if key not in values:
             continue
-        before, unit = float(declared[index[key]]), layout.by_key[key].unit
+        before, unit = float(declared[index[key]]), units[key]
         known: dict[str, Value] = {
             "key": key, "before": before, "value": values[key], "unit": f" {unit}" if unit else "",
         }  # fmt: skip

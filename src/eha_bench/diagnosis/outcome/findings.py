@@ -47,11 +47,6 @@ def adds(search: Search, decision: Decision) -> bool:
     return bool(search.accepted) or decision.learned
 
 
-def units_of(model: Model) -> dict[str, str]:
-    """Return the unit of every parameter by key."""
-    return {key: parameter.unit for key, parameter in model.plant.layout.items()}
-
-
 def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decision) -> Diagnosis:
     """Return what was found, without errors: no run is replayed here."""
     model = dataset.model
@@ -65,7 +60,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     keys = [*base.keys, *assumed]
     ended = convergence(fit, base.starts, base.agreed)
     profiles = _profiles(search, decision, fit) if ended.has_intervals else {}
-    values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
+    values = estimates(fit, search.groups, layout.units_at(fit.vector), profiles, end.shifts)
     late = lateness_estimates(search.problem.places, values)
     if ended.has_intervals:
         values |= _told_from_nothing(search, fit, values)

@@ -172,7 +172,7 @@ def _beyond_belief(search: Search, item: Accepted, vector: FloatArray) -> str:
     needed = effect.needed(layout.choice_values(effect, vector))
     for belief in contradicted(problem.beliefs, vector, _FAR):
         if belief.key == needed:
-            now, unit = float(vector[belief.at]), layout.by_key[belief.key].unit
+            now, unit = float(vector[belief.at]), layout.units_at(vector)[belief.key]
             return (
                 f"with it, {belief.key} would be {now:.4g} {unit}, which is far from what is "
                 f"believed of it, {belief.value:.4g} {unit}"
@@ -295,7 +295,7 @@ def _takes_from_belief(search: Search, refit: Fit) -> str:
     free = {belief.key for belief in contradicted(beliefs, refit.vector, _NEAR)}
     for belief in contradicted(beliefs, search.fit.vector, _FAR):
         if belief.key not in free:
-            unit = search.problem.plant.layout.by_key[belief.key].unit
+            unit = search.problem.plant.layout.units_at(search.fit.vector)[belief.key]
             now, then = (float(fit.vector[belief.at]) for fit in (search.fit, refit))
             return (
                 f"with it, {belief.key} is {now:.4g} {unit}, without it {then:.4g} {unit}, and "
