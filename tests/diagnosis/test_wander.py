@@ -82,6 +82,14 @@ def test_in_a_stretch_much_shorter_than_its_memory_a_zero_stands() -> None:
     assert np.sum(waves**2, axis=1) == pytest.approx(np.full(20, 0.09), rel=0.05)
 
 
+def test_over_a_few_readings_a_zero_that_wanders_has_no_cosine() -> None:
+    columns = cosines(np.array([0.0, 1e-3]), Wander(0.05, 10.0))
+    assert columns.shape == (2, 0)
+    basis, sizes = orthonormal_of_many(columns)
+    assert basis.shape == (2, 0)
+    assert sizes.size == 0
+
+
 def test_a_basis_by_products_is_that_by_singular_values() -> None:
     columns = np.random.default_rng(0).standard_normal((300, 15)) * np.geomspace(30.0, 0.1, 15)
     one, other = orthonormal(columns), orthonormal_of_many(columns)

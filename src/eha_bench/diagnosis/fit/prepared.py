@@ -187,6 +187,9 @@ def orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def orthonormal_of_many(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the same by the columns' products, at a fifth of the cost."""
+    if not columns.shape[1]:
+        # over a few readings a zero wanders by less than their noise
+        return columns, np.zeros(0)
     values, vectors = np.linalg.eigh(columns.T @ columns)
     keep = values > max(_SMALL * float(values[-1]), _SMALLEST)
     sizes = np.sqrt(values[keep])
