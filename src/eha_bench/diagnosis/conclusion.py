@@ -34,6 +34,7 @@ from eha_bench.diagnosis.outcome.remainder import remainder
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.outcome.scaled_channel import with_scaled_channel
+from eha_bench.diagnosis.outcome.scaled_sensor import scaled_sensor
 from eha_bench.diagnosis.outcome.worst_range import worst_range
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
@@ -96,7 +97,7 @@ class Conclusion:
             found = self._without_effect(against)
         if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
-        if found.complete and found.verdict is Verdict.UNKNOWN:
+        if found.complete and found.verdict is Verdict.UNKNOWN and self.search.is_unexplained:
             found = self._with_misplaced_column(self._with_rare_stretches(found))
             self.found = found = self._with_worst_range(self._with_differing_runs(found))
         if found.complete and found.verdict is Verdict.EFFECT and self.search.is_unexplained:
@@ -123,13 +124,19 @@ class Conclusion:
         self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
 
     def _read_at_scale(self) -> None:
-        """Decide again with a channel read right that a number of a drawing imitates."""
+        """Decide again with a channel read right whose scale is wrong."""
         right = with_scaled_channel(self.base, self.search, self._on_progress)
         if right is not None:
-            # held-out runs are read right as well
-            self.dataset, self.base = right.dataset, right
-            self.search = begin(right, self.search.thresholds)
-            self._decide()
+            self._decide_read_right(right)
+        elif (found := scaled_sensor(self.base, self.search, self._on_progress)) is not None:
+            self._decide_read_right(found.base)
+            self.decision = found.decided(self.decision)
+
+    def _decide_read_right(self, right: Baseline) -> None:
+        """Decide again with a channel read right, in held-out runs as well."""
+        self.dataset, self.base = right.dataset, right
+        self.search = begin(right, self.search.thresholds)
+        self._decide()
 
     def _decide_with_all_runs(self) -> None:
         """Look for a cause of what only runs show of which the calibrated model explains nothing.

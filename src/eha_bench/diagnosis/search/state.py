@@ -20,7 +20,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.thresholds import DEFAULT, Thresholds
 
-_ALL_BUT_A_FORM = 0.02
+ALL_BUT_A_FORM = 0.02
 """Share of what was missing up to which what effects leave of it is taken for their form."""
 
 
@@ -151,7 +151,7 @@ class Search:
         No other two are looked for then, nor what hides in a window's start: either takes as long
         as all before.
         """
-        return len(self.effects) > 0 and self.share_left < _ALL_BUT_A_FORM
+        return len(self.effects) > 0 and self.share_left < ALL_BUT_A_FORM
 
     @property
     def effects(self) -> list[Accepted]:

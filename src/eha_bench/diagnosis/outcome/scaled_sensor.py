@@ -1,0 +1,125 @@
+"""A sensor of another gain, which explains all that no effect explains.
+
+A pressure sensor that reads 12 % low bends every parameter, and an offset of it explains half of
+that. A gain is no effect of the machine: a constant factor of one channel is fitted beside what is
+calibrated instead (`followed_doubt`). It is believed only where it leaves next to nothing,
+contradicts nothing that is believed, and does better than the effects that were found. What is
+missing is then known, but acts in a sensor, so the verdict is no pass.
+
+Source: IEC 61298-2:2008 (span error of measuring devices).
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Final
+
+from eha_bench.core.errors import InputError
+from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.data.map_correction import Scaled
+from eha_bench.diagnosis.fit.baseline import Baseline, calibrated_baseline
+from eha_bench.diagnosis.fit.beliefs import contradicted
+from eha_bench.diagnosis.fit.channel_mistakes import Suspect
+from eha_bench.diagnosis.fit.evidence import Excess, excess
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem, cost_of
+from eha_bench.diagnosis.outcome.decide import Decision
+from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.outcome.doubt import ChannelScale
+from eha_bench.diagnosis.outcome.followed_doubt import promised
+from eha_bench.diagnosis.search.state import ALL_BUT_A_FORM, Search
+
+_AGREES: Final = 1.5
+"""Multiple of what is given under `within` up to which a value is as believed."""
+_FOLLOWED: Final = 2
+"""Sensors that are followed, the most promising ones."""
+_ROUNDS: Final = 6
+_ENDED: Final = 3e-4
+"""Relative step of a factor that ends it: a third of the noise of a range of a thousand times."""
+_LEAST: Final = 0.03
+"""Least relative error of a gain: less is within a sensor's class, or a form of what is there."""
+
+
+@dataclass(frozen=True)
+class ScaledSensor:
+    """A sensor that reads a factor of what there is.
+
+    Attributes:
+        channel: it. base: calibrated with it read right.
+    """
+
+    channel: str
+    base: Baseline
+
+    def decided(self, decision: Decision) -> Decision:
+        """Return the verdict on readings that were put right, where nothing else is missing."""
+        if decision.verdict is not Verdict.NONE:
+            return decision
+        unknown = Unknown("measurement", (self.channel,), self.base.notes[0], 1.0, at=self.channel)
+        return replace(decision, verdict=Verdict.UNKNOWN, unknown=unknown)
+
+
+def scaled_sensor(base: Baseline, search: Search, progress: ProgressHook) -> ScaledSensor | None:
+    """Return the sensor whose gain explains what no effect does, None for none.
+
+    Args:
+        base: as calibrated. search: finished.
+        progress: called with the stage and the fraction of it done.
+    """
+    limits = search.thresholds
+    if not search.is_unexplained or base.dataset.computed:
+        return None
+    problem = search.problem.apart()
+    problem.prepare(search.base.vector)
+    fit = replace(search.base, cost=cost_of(problem, search.base.vector))
+    found = promised(problem, fit, map(ChannelScale, sorted(problem.noise)))
+    least = limits.explained * search.excess_base.total
+    falls = {doubt: item.fall for doubt, item in found.items() if item.fall > least}
+    promising = sorted(falls, key=lambda doubt: -falls[doubt])
+    for doubt in promising[:_FOLLOWED]:
+        factor, left, end = _fitted(problem, fit, doubt)
+        nothing = not limits.is_unexplained(left)
+        if (
+            abs(math.log(factor)) > _LEAST
+            and (nothing or left.total < ALL_BUT_A_FORM * search.excess_base.total)
+            and not contradicted(problem.beliefs, end.vector, _AGREES)
+            and end.cost < search.fit.cost - limits.behind
+        ):
+            return _read_right(base, search.excess_base, doubt.channel, factor, progress)
+    return None
+
+
+def _fitted(problem: Problem, fit: Fit, doubt: ChannelScale) -> tuple[float, Excess, Fit]:
+    """Return the factor of a sensor, what is left with it, and the fit of what is calibrated.
+
+    Far from the right gain its slopes hold only nearby, and so do those of what is calibrated.
+    """
+    factor, other, end = 1.0, problem, fit
+    for _ in range(_ROUNDS):
+        # what is calibrated stays where it is: far from the right gain it would make up for it
+        step = promised(problem, end, [doubt], factor)[doubt].factor
+        factor *= step
+        other, vector = doubt.times(problem, end.vector, factor)
+        end = levenberg_marquardt(other, vector, fit.free)
+        if abs(math.log(step)) < _ENDED:
+            break
+    left = excess(other, end)
+    return factor, left, end
+
+
+def _read_right(
+    base: Baseline, before: Excess, channel: str, factor: float, progress: ProgressHook
+) -> ScaledSensor | None:
+    """Return a sensor with everything calibrated anew, None where that cannot be."""
+    maps = frozenset(run.channels for run in base.dataset.runs)
+    suspect = Suspect(Scaled(channel, factor), maps)
+    # what cannot be calibrated is no better reading
+    with suppress(InputError):
+        other = calibrated_baseline(suspect.corrects(base.dataset), progress)
+        after = max(excess(other.problem, other.fit).relative, 0.0)
+        times = math.sqrt((1.0 + before.relative) / (1.0 + after))
+        note = suspect.correction.note(times, suspect.where)
+        return ScaledSensor(channel, other.noting_its_map(note))
+    return None

@@ -1,0 +1,118 @@
+"""A pressure sensor of another gain: no effect of the library, and named with its factor."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
+from eha_bench.recordings import write
+from eha_bench.report.diagnosis_text import headline
+
+PLANT = """\
+plant: press
+nodes:
+  tank:    {kind: reservoir, pressure: 0 bar}
+  ambient: {kind: reservoir, pressure: 0 bar}
+  cap:     {kind: volume, bulk_modulus: 0.93 GPa, pressure: 100 bar}
+  shaft:   {kind: rotation}
+  rod:     {kind: translation, mass: 47 kg}
+elements:
+  pump:     {kind: pump, on: shaft, from: tank, to: cap, displacement: 2.03e-6 m^3/rad}
+  slip:     {kind: laminar_leakage, between: [cap, tank], conductance: 1.8e-12 m^3/(s*Pa)}
+  cylinder: {kind: cylinder, on: rod, a: cap, b: ambient, area_a: 5 cm^2, area_b: 5 cm^2,
+             volume_a: 100 cm^3}
+  coil:     {kind: spring, on: rod, stiffness: 50 kN/m}
+  seals:    {kind: friction, on: rod, coulomb: 90 N, viscous: 900 N*s/m}
+channels: {motor_speed: shaft.speed, pressure_cap: cap.pressure, rod_position: rod.position}
+calibrate:
+  - {parameter: pump.displacement, within: 3 %}
+  - {parameter: slip.conductance, within: 30 %}
+  - {parameter: cap.bulk_modulus, within: 15 %}
+  - {parameter: rod.mass, within: 10 %}
+  - {parameter: seals.coulomb, within: 25 %}
+  - {parameter: seals.viscous, within: 20 %}
+"""
+AREA, STIFFNESS, MASS, COULOMB, VISCOUS = 5e-4, 5e4, 50.0, 100.0, 1e3
+DISPLACEMENT, LEAK, BULK, DEAD = 2e-6, 2e-12, 1e9, 1e-4
+
+
+def recorded(folder: Path, number: int, gain: float, drift: float) -> str:
+    """Move the press about 0.1 m, read it at 250 Hz, and return the log's name."""
+    generator = np.random.default_rng(number)
+    step, every = 1e-4, 40
+    time = np.arange(0.0, 3.0, step)
+    phases = generator.uniform(0.0, 2.0 * np.pi, 3)
+    speeds = sum(
+        size * np.sin(2.0 * np.pi * rate * (1.0 + 0.2 * number) * time + phase)
+        for size, rate, phase in zip((20.0, 25.0, 15.0), (0.4, 1.1, 2.3), phases, strict=True)
+    )
+    speeds = np.asarray(speeds + LEAK * 1e7 / DISPLACEMENT)
+    position, velocity, pressure = 0.1, 0.0, STIFFNESS * 0.1 / AREA
+    read = []
+    for k, speed in enumerate(speeds.tolist()):
+        if k % every == 0:
+            read.append((pressure, position))
+        flow = DISPLACEMENT * speed - LEAK * pressure - AREA * velocity
+        pressure += step * BULK / (DEAD + AREA * position) * flow
+        friction = COULOMB * np.tanh(velocity / 1e-3) + VISCOUS * velocity
+        velocity += step * (AREA * pressure - friction - STIFFNESS * position) / MASS
+        position += step * velocity
+    pressures, positions = np.array(read).T
+    values = {
+        "motor_speed": speeds[::every],
+        "pressure_cap": (gain + drift * time[::every]) * pressures
+        + 1e4 * generator.standard_normal(pressures.size),
+        "rod_position": positions + 2e-5 * generator.standard_normal(positions.size),
+    }
+    write(folder / f"run{number}.mcap", Recording(time[::every], values))
+    return f"run{number}.mcap"
+
+
+def diagnosed(folder: Path, gain: float, drift: float = 0.0) -> Diagnosis:
+    """Record three runs of the press with its sensor's gain, and diagnose them."""
+    (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    runs = "".join(
+        f"  - {{log: {recorded(folder, k, gain, drift)}, "
+        f"use: {'holdout' if k == 2 else 'train'}}}\n"
+        for k in range(3)
+    )
+    path = folder / "dataset.yaml"
+    path.write_text(f"model: plant.yaml\ninputs: [motor_speed]\nruns:\n{runs}", encoding="utf-8")
+    return diagnose(path)
+
+
+@pytest.mark.slow(60)
+def test_a_gain_is_named_and_the_model_is_that_of_right_readings(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, 0.88)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.unknown is not None
+    assert (found.unknown.equation, found.unknown.at) == ("measurement", "pressure_cap")
+    (note,) = (note for note in found.notes if note.startswith("CAUTION: 'pressure_cap' reads"))
+    said = re.search(r"reads ([\d.]+) times", note)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(0.88, rel=0.01)
+    assert not found.effects
+    for item in found.holdout.values():
+        if np.isfinite(item.noise_floor):
+            assert item.after < 1.5 * item.noise_floor
+    assert headline(found)[1].startswith("A sensor reads wrongly: 'pressure_cap' times 1.13")
+
+
+@pytest.mark.slow(60)
+def test_a_gain_that_changes_is_no_constant_factor(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, 0.9, 0.05)
+    assert found.verdict is not Verdict.NONE
+    assert not found.misread
+
+
+@pytest.mark.slow(30)
+def test_a_right_sensor_is_left_alone(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, 1.0)
+    assert found.verdict is Verdict.NONE
+    assert not found.misread
