@@ -280,7 +280,7 @@ def test_an_effect_that_takes_a_parameter_far_from_what_is_believed(
 ) -> None:
     """All pressures read too low, in trade for a reservoir that is charged by as much more."""
     belief = Belief("gas.precharge", 0, 0.3e6, 0.03e6 / 3.0**0.5)
-    layout = SimpleNamespace(by_key={"gas.precharge": SimpleNamespace(unit="Pa")})
+    layout = SimpleNamespace(units_at=lambda _vector: {"gas.precharge": "Pa"})
     problem = SimpleNamespace(beliefs=[belief], plant=SimpleNamespace(layout=layout))
     search = SimpleNamespace(problem=problem, fit=SimpleNamespace(vector=[with_it]))
     reason = _takes_from_belief(search, SimpleNamespace(vector=[without_it]))

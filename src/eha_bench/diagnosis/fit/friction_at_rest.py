@@ -17,7 +17,7 @@ _AT_REST: Mapping[str, tuple[float, ...]] = {
 """Speeds over which friction may creep at rest, by their unit."""
 _ALIKE = 0.1
 """Share by which two such speeds differ that are one."""
-_TELLING = 20.0
+TELLING = 20.0
 """Fall of the cost that says that friction at rest is another one."""
 
 
@@ -72,7 +72,7 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
             part.prepare_starts(trial)
             costs[size] = cost_of(part, trial)
         size = min(costs, key=lambda size: costs[size])
-        if costs[size] < costs[own] - _TELLING:
+        if costs[size] < costs[own] - TELLING:
             vector = vector.copy()
             vector[at] = size
     if vector is fit.vector:
@@ -94,7 +94,7 @@ def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
                 best, cost = trial, reached
         if best is not fit.vector:
             moved = _along(problem, fit, best)
-            if moved.cost < fit.cost - _TELLING:
+            if moved.cost < fit.cost - TELLING:
                 fit = moved
     return fit
 

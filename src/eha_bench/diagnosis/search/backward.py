@@ -15,7 +15,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenber
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.profile import cost_with
 from eha_bench.diagnosis.fit.uncertainty import Spread, spreads
-from eha_bench.diagnosis.search.refit import BENT, polish_afresh
+from eha_bench.diagnosis.search.refit import BENT, polish_afresh, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Search
 
 
@@ -85,8 +85,9 @@ def _strength_spread(search: Search, start: Start) -> Spread | None:
 def drop(search: Search, item: Accepted, fit: Fit) -> None:
     """Take out what was added, and keep the better place that a fit without it has."""
     search.accepted = _others(search, item)
-    search.fit = fit
-    search.excess_left = excess(search.problem, fit)
+    # what was taken out may have stood for how friction rests
+    search.fit = fit if search.accepted else polish_at_rest(search, fit, [])
+    search.excess_left = excess(search.problem, search.fit)
     if not search.accepted:
         search.base, search.excess_base = search.fit, search.excess_left
 

@@ -17,13 +17,14 @@ from eha_bench.diagnosis.fit.convergence import has_gone_far
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.finish import lowest_fit
 from eha_bench.diagnosis.fit.friction_at_rest import (
+    TELLING,
     at_rest,
     friction_at_rest,
     is_friction_at_rest,
     sticks,
 )
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.fit.settled import settled_fit_of_one
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
@@ -33,6 +34,8 @@ from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, sca
 from eha_bench.diagnosis.search.screen import Screen, Screened, starting_point, unlike
 from eha_bench.diagnosis.search.state import Refit, Search, rival_share
 
+_COARSELY = 0.002
+"""Share of the cost that a coarse step may change where it tells how friction rests."""
 _POOR = 1.02
 """A fit this much above the noise may be caught in another minimum."""
 _NOISE = 1.003
@@ -111,7 +114,12 @@ def polish_at_rest(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
 
     What an effect left in the residual had bent that as well.
     """
-    return polish(search, at_rest(search.problem.at_step(COARSE), rough), extra)
+    coarse = search.problem.at_step(COARSE)
+    cost = cost_of(search.problem, rough.vector)
+    # what rests creeps from step to step, by more in coarse ones than friction at rest may cost
+    little = max(TELLING, _COARSELY * cost)
+    asked = coarse if abs(cost_of(coarse, rough.vector) - cost) < little else search.problem
+    return polish(search, at_rest(asked, rough), extra)
 
 
 def polish_to_the_bottom(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
