@@ -134,6 +134,12 @@ def test_half_of_the_excess_is_a_verdict_and_less_is_not(
     assert (more in told.notes) is whole
 
 
+def test_what_may_be_another_form_is_no_other_cause() -> None:
+    told = verdict(search(10.0, beyond(0.1), found("backlash")))
+    assert told.verdict is Verdict.EFFECT
+    assert told.notes[-1].startswith("the causes found leave more than noise, as little as another")
+
+
 @pytest.mark.parametrize(("other", "alone"), [(1.05, True), (1.5, False)])
 def test_what_remains_in_one_sensor_is_said_to(other: float, alone: bool) -> None:
     rest = beyond(0.2, pressure_a=6.8, pressure_b=other)

@@ -110,3 +110,18 @@ def test_what_no_curve_explains_follows_nothing() -> None:
         "acts in the torque balance; no curve of one variable explains any of it"
     )
     assert (left.to_dict()["at"], left.to_dict()["variables"]) == (None, [])
+
+
+@pytest.mark.parametrize(
+    ("left", "said"),
+    [
+        (Remainder(0.002, "flow"), "less than 1 % of what was missing) is too little to tell"),
+        (Remainder(0.012, "flow", "a", "pressure_a", 0.3), "1 % of what was missing) is too"),
+        (Remainder(0.012, "flow", "a", "pressure_a", 0.9), "1 % of what was missing) acts in the"),
+        (Remainder(0.05, "flow"), "5 % of what was missing) acts in the"),
+    ],
+)
+def test_a_remainder_that_may_be_a_form_has_a_place_only_where_a_curve_tells_it(
+    left: Remainder, said: str
+) -> None:
+    assert left.note.startswith(f"what remains ({said}")

@@ -65,7 +65,12 @@ def decide(
         _remaining(rest.relative, search.excess_base.relative),
     ]
     if search.effects and (not unexplained or share >= limits.explained):
-        if unexplained:
+        if unexplained and search.is_all_but_a_form:
+            notes.append(
+                "the causes found leave more than noise, as little as another form of their laws "
+                "would"
+            )
+        elif unexplained:
             notes.append("the causes found do not explain everything: something else is missing")
             notes += _in_one_channel(rest)
         return Decision(Verdict.EFFECT, search.fit, tuple(notes), None)

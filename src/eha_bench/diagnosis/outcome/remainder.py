@@ -16,10 +16,14 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.outcome.whereabouts import acts_in, element_of
-from eha_bench.diagnosis.search.state import Search
+from eha_bench.diagnosis.search.state import ALL_BUT_A_FORM, Search
 from eha_bench.diagnosis.unknown.locator import locate
 from eha_bench.diagnosis.unknown.places import places_of
 from eha_bench.plants.plant import Plant
+
+_ONE_IN_200 = 0.005
+_MOST = 0.5
+"""Part of a small remainder that a curve explains where its place means something."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,10 @@ class Remainder:
     @property
     def note(self) -> str:
         """Say it in a sentence or two."""
-        text = f"what remains ({per_cent(self.share)} of what was missing) "
+        share = "less than 1 %" if self.share < _ONE_IN_200 else per_cent(self.share)
+        text = f"what remains ({share} of what was missing) "
+        if self.share < ALL_BUT_A_FORM and self.explained < _MOST and not self.found_there:
+            return text + "is too little to tell where it acts"
         text += acts_in(self.equation, self.at)
         if self.variable:
             text += f"; a curve of {self.variable} explains {per_cent(self.explained)} of it"
