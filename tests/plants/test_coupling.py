@@ -104,3 +104,18 @@ def test_what_a_force_tells_of_the_other_side(tmp_path: Path) -> None:
     )
     # 0.01 rad of bending, and half of the play
     assert found["angle"] == pytest.approx(1.0 + 0.01 + 0.01)
+
+
+@pytest.mark.slow  # compiles a kernel
+def test_a_missing_play_is_the_declared_one(tmp_path: Path) -> None:
+    """A lever of 10 mrad play, swung to and fro: the effect's play is that of the element."""
+    time = np.arange(0.0, 1.0, 1e-3)
+    drive = Drive(time, {"current_command": 0.5 * np.sin(12.0 * time)})
+    start = {"motor_angle": 0.0, "angle": 0.0}
+    declared = _plant(tmp_path, ", damping: 2 N*m*s/rad, play: 0.01 rad")
+    there = declared.at(declared.layout.defaults()).simulate(drive, start, 2e-4)
+    plant = _plant(tmp_path, ", damping: 2 N*m*s/rad")
+    vector = plant.layout.defaults()
+    assert plant.at(vector).simulate(drive, start, 2e-4) != pytest.approx(there, abs=1e-4)
+    vector[plant.layout.index["coupling_backlash.play"]] = 0.01
+    np.testing.assert_allclose(plant.at(vector).simulate(drive, start, 2e-4), there, atol=1e-9)

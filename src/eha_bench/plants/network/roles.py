@@ -757,6 +757,24 @@ def _rigid_joint(system: System) -> Iterator[Spot]:
         )
 
 
+def _elastic_coupling(system: System) -> Iterator[Spot]:
+    """An elastic coupling between two parts, which may have play."""
+    for part, (first, _) in system.elastic_joints():
+        if (play := system.slot_of.get(f"{part.name}.play")) is None:
+            continue
+        units = UNITS[first.node.kind]
+        turns = first.node.kind is NodeKind.ROTATION
+        yield Spot(
+            part.name,
+            _balance(first),
+            {},
+            units={**units, "play": units["position"]},
+            usual={"play": 30.0 if turns else 1.0},
+            parameters={"play": play},
+            motion=_motion_channels(system, first),
+        )
+
+
 def _sliding_joint(system: System) -> Iterator[Spot]:
     """A rod whose position is measured: the joint between it and what it moves."""
     for item in system.coordinates:
@@ -1109,6 +1127,7 @@ _ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
     "loaded_shaft": _loaded_shaft,
     "turning_joint": _turning_joint,
     "rigid_joint": _rigid_joint,
+    "elastic_coupling": _elastic_coupling,
     "hanging": _hanging,
     "slide": _slide,
     "supply": _supply,
