@@ -119,3 +119,7 @@ def test_a_missing_play_is_the_declared_one(tmp_path: Path) -> None:
     assert plant.at(vector).simulate(drive, start, 2e-4) != pytest.approx(there, abs=1e-4)
     vector[plant.layout.index["coupling_backlash.play"]] = 0.01
     np.testing.assert_allclose(plant.at(vector).simulate(drive, start, 2e-4), there, atol=1e-9)
+
+
+def test_what_is_bolted_on_changes_with_the_part_that_no_motor_drives(tmp_path: Path) -> None:
+    assert _plant(tmp_path).changed_between_runs == ("link.inertia",)

@@ -114,6 +114,10 @@ class ElasticJoint:
         return force / stiffness + math.copysign(0.5 * play, force)
 
 
+_DRIVING = ("motor", "linear_motor", "pump")
+"""Kinds of elements whose own part carries nothing that is changed."""
+
+
 class NetworkPlant(Plant):
     """A plant as a network.
 
@@ -158,8 +162,21 @@ class NetworkPlant(Plant):
 
     @property
     def changed_between_runs(self) -> tuple[str, ...]:
-        """Parameters that people change from one recording to the next: loads, bolted masses."""
-        return self._slots_of(lambda kind: kind.changed_between_runs)
+        """Parameters that people change from one recording to the next: loads, bolted masses.
+
+        What is bolted on is declared as an element, or with the part that carries it, which no
+        motor and no pump drives by itself.
+        """
+        slots, parts = self.system.slot_of, self.system.parts.values()
+        driven = {
+            part.element.ports.get("on") for part in parts if part.element.kind.id in _DRIVING
+        }
+        nodes = (name for name in self.network.nodes if name not in driven)
+        own = (f"{name}.{key}" for name in nodes for key in ("inertia", "mass"))
+        carried = (slots[key] for key in own if key in slots)
+        return tuple(
+            dict.fromkeys((*self._slots_of(lambda kind: kind.changed_between_runs), *carried))
+        )
 
     @property
     def changed_by_warmth(self) -> tuple[str, ...]:
