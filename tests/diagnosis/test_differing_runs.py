@@ -135,3 +135,15 @@ def test_an_element_cannot_change_what_it_does_not_have() -> None:
     with pytest.raises(PluginError, match="changes 'mess', which is no parameter"):
         ElementKind("heap", "", MASS.ports, MASS.parameters, MASS.anatomy,
                     changed_between_runs=("mess",))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("keys", "share", "whole"),
+    [(["arm.inertia"], 0.95, True), (["arm.inertia"], 0.7, False), (["a", "b"], 0.99, False)],
+)
+def test_one_value_that_leaves_nothing_is_all_of_it(
+    keys: list[str], share: float, whole: bool
+) -> None:
+    """Frictions and leaks of each run are so many that they take nearly anything."""
+    values = {key: {"one": 1.0, "two": 2.0} for key in keys}
+    assert DifferingParameters(values, dict.fromkeys(keys, ""), share).is_all_of_it is whole

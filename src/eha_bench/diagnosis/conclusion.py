@@ -199,7 +199,13 @@ class Conclusion:
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
         """Note loads, masses or friction whose differences between runs explain it."""
         differing = differing_parameters(self.base, self.search.excess_base)
-        return found if differing is None else found.with_note(differing.note)
+        if differing is None:
+            return found
+        unknown = found.unknown
+        if unknown is not None and differing.is_all_of_it:
+            # what curve it would be otherwise is of no use then
+            unknown = replace(unknown, variables=(), description=differing.note)
+        return replace(found, unknown=unknown).with_note(differing.note)
 
     def _with_remainder(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Say what remains beside the effects, and where it acts."""

@@ -50,6 +50,11 @@ class DifferingParameters:
     share: float
 
     @property
+    def is_all_of_it(self) -> bool:
+        """Whether one parameter's own values leave nothing for another cause to explain."""
+        return len(self.values) == 1 and self.share >= _NEARLY_ALL
+
+    @property
     def note(self) -> str:
         """What they are and how they are declared, as a sentence."""
         said = "; ".join(

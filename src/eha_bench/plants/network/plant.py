@@ -164,14 +164,16 @@ class NetworkPlant(Plant):
     def changed_between_runs(self) -> tuple[str, ...]:
         """Parameters that people change from one recording to the next: loads, bolted masses.
 
-        What is bolted on is declared as an element, or with the part that carries it, which no
+        What is bolted on is declared as an element, or else with the part that carries it, which no
         motor and no pump drives by itself.
         """
         slots, parts = self.system.slot_of, self.system.parts.values()
-        driven = {
-            part.element.ports.get("on") for part in parts if part.element.kind.id in _DRIVING
+        kept = {
+            part.element.ports.get("on")
+            for part in parts
+            if part.element.kind.id in _DRIVING or "mass" in part.element.kind.changed_between_runs
         }
-        nodes = (name for name in self.network.nodes if name not in driven)
+        nodes = (name for name in self.network.nodes if name not in kept)
         own = (f"{name}.{key}" for name in nodes for key in ("inertia", "mass"))
         carried = (slots[key] for key in own if key in slots)
         return tuple(
