@@ -74,20 +74,24 @@ def scaled_sensor(base: Baseline, search: Search, progress: ProgressHook) -> Sca
     problem = search.problem.apart()
     problem.prepare(search.base.vector)
     fit = replace(search.base, cost=cost_of(problem, search.base.vector))
-    found = promised(problem, fit, map(ChannelScale, sorted(problem.noise)))
+    promises = promised(problem, fit, map(ChannelScale, sorted(problem.noise)))
     least = limits.explained * search.excess_base.total
-    falls = {doubt: item.fall for doubt, item in found.items() if item.fall > least}
+    falls = {doubt: item.fall for doubt, item in promises.items() if item.fall > least}
     promising = sorted(falls, key=lambda doubt: -falls[doubt])
+    fitted: list[tuple[float, str, float]] = []
     for doubt in promising[:_FOLLOWED]:
         factor, left, end = _fitted(problem, fit, doubt)
-        nothing = not limits.is_unexplained(left)
+        next_to_nothing = left.total < ALL_BUT_A_FORM * search.excess_base.total
         if (
             abs(math.log(factor)) > _LEAST
-            and (nothing or left.total < ALL_BUT_A_FORM * search.excess_base.total)
-            and not contradicted(problem.beliefs, end.vector, _AGREES)
+            and (next_to_nothing or not limits.is_unexplained(left))
             and end.cost < search.fit.cost - limits.behind
         ):
-            return _read_right(base, search.excess_base, doubt.channel, factor, progress)
+            fitted.append((end.cost, doubt.channel, factor))
+    for _, channel, factor in sorted(fitted):
+        found = _read_right(base, search.excess_base, channel, factor, progress)
+        if found is not None:
+            return found
     return None
 
 
@@ -112,12 +116,14 @@ def _fitted(problem: Problem, fit: Fit, doubt: ChannelScale) -> tuple[float, Exc
 def _read_right(
     base: Baseline, before: Excess, channel: str, factor: float, progress: ProgressHook
 ) -> ScaledSensor | None:
-    """Return a sensor with everything calibrated anew, None where that cannot be."""
+    """Return a sensor with everything calibrated anew, None where that contradicts beliefs."""
     maps = frozenset(run.channels for run in base.dataset.runs)
     suspect = Suspect(Scaled(channel, factor), maps)
     # what cannot be calibrated is no better reading
     with suppress(InputError):
         other = calibrated_baseline(suspect.corrects(base.dataset), progress)
+        if contradicted(other.problem.beliefs, other.fit.vector, _AGREES):
+            return None
         after = max(excess(other.problem, other.fit).relative, 0.0)
         times = math.sqrt((1.0 + before.relative) / (1.0 + after))
         note = suspect.correction.note(times, suspect.where)
