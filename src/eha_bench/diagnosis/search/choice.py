@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from eha_bench.diagnosis.fit.beliefs import contradicted
+import numpy as np
+
+from eha_bench.diagnosis.fit.beliefs import believed_residual, contradicted
 from eha_bench.diagnosis.fit.candidates import is_drawn
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
@@ -86,7 +88,10 @@ def _relieves(search: Search, item: Refit) -> bool:
     off = len(contradicted(beliefs, search.fit.vector))
     if limits.is_seen(missing) or (off < _SEVERAL and missing.against_beliefs <= limits.gain):
         return True
-    return len(contradicted(beliefs, item.fit.vector)) <= off / 2.0
+    before, after = (
+        float(np.sum(believed_residual(beliefs, fit.vector) ** 2)) for fit in (search.fit, item.fit)
+    )
+    return after <= (1.0 - limits.explained) * before
 
 
 def equivalents(search: Search, chosen: Refit, trials: Sequence[Refit]) -> tuple[str, ...]:
