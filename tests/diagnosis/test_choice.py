@@ -17,9 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from known_search import LinearProblem, search_of, shape, start_of
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.fit.beliefs import Belief, contradicted
 from eha_bench.diagnosis.fit.candidates import all_starts
-from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Improvement
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Improvement, against_beliefs
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import Problem
@@ -363,29 +362,31 @@ def test_the_best_is_fitted_on_where_its_shape_may_be_wrong(
 
 
 @pytest.mark.parametrize(
-    ("relative", "brought_back", "chosen"),
+    ("relative", "before", "after", "chosen"),
     [
-        # readings at the noise and two values off: a cause has to bring them back
-        (0.01, (False, False), None),
-        (0.01, (True, False), RIGHT),
-        # where readings show what is missing, values may stay as they are
-        (0.5, (False, False), RIGHT),
+        # readings at the noise and values far off: a cause has to bring them back
+        (0.01, 40.0, 38.0, None),
+        (0.01, 40.0, 10.0, RIGHT),
+        # values that are hardly off ask for nothing, nor do any where readings show what is missing
+        (0.01, 20.0, 20.0, RIGHT),
+        (0.5, 40.0, 40.0, RIGHT),
     ],
 )
 def test_what_beliefs_alone_ask_for_brings_values_back(
-    search: Search, relative: float, brought_back: tuple[bool, bool], chosen: str | None
+    search: Search, relative: float, before: float, after: float, chosen: str | None
 ) -> None:
-    vector = search.fit.vector
-    beliefs = tuple(Belief(f"value_{k}", k, vector[k] + 2.0, 1.0) for k in range(2))
-    assert len(contradicted(beliefs, vector)) == len(beliefs)
-    search.problem.beliefs = beliefs
     size = search.excess_base.size
     search.excess_left = replace(
-        search.excess_base, total=relative * SOFT_MEAN * size, significance=20.0
+        search.excess_base,
+        total=relative * SOFT_MEAN * size,
+        significance=20.0,
+        against_beliefs=before,
     )
     item = trial(search, RIGHT, search.fit.cost - 1000.0)
-    moved = vector.copy()
-    for belief, back in zip(beliefs, brought_back, strict=True):
-        moved[belief.at] += 2.0 if back else 0.0
-    found = choice.choose(search, [replace(item, fit=replace(item.fit, vector=moved))])
+    # the last row is a belief, so far off that its square is this
+    residual = item.fit.residual.copy()
+    residual[-1] = np.sqrt(after)
+    fit = replace(item.fit, residual=residual, beliefs=1, soft=1e6)
+    assert against_beliefs(fit) == pytest.approx(after, rel=1e-3)
+    found = choice.choose(search, [replace(item, fit=fit)])
     assert (found.candidate if found else None) == chosen

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.fit.baseline import Baseline
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
+from eha_bench.diagnosis.outcome.followed_doubt import promised
+from eha_bench.diagnosis.outcome.scaled_sensor import ScaledSensor
 from eha_bench.recordings import write
 from eha_bench.report.diagnosis_text import headline
 
@@ -92,7 +101,7 @@ def test_a_gain_is_named_and_the_model_is_that_of_right_readings(tmp_path: Path)
     found = diagnosed(tmp_path, 0.88)
     assert found.verdict is Verdict.UNKNOWN
     assert found.unknown is not None
-    assert (found.unknown.equation, found.unknown.at) == ("measurement", "pressure_cap")
+    assert (found.unknown.equation, found.unknown.at) == ("measurement", "pressure_cap.sensor")
     (note,) = (note for note in found.notes if note.startswith("CAUTION: 'pressure_cap' reads"))
     said = re.search(r"reads ([\d.]+) times", note)
     assert said is not None
@@ -101,7 +110,9 @@ def test_a_gain_is_named_and_the_model_is_that_of_right_readings(tmp_path: Path)
     for item in found.holdout.values():
         if np.isfinite(item.noise_floor):
             assert item.after < 1.5 * item.noise_floor
-    assert headline(found)[1].startswith("A sensor reads wrongly: 'pressure_cap' times 1.13")
+    said = "'pressure_cap' reads 0.88"
+    assert found.unknown.sensor.startswith(said)
+    assert headline(found)[1].startswith(f"A sensor reads wrongly: {said}")
 
 
 @pytest.mark.slow(60)
@@ -116,3 +127,48 @@ def test_a_right_sensor_is_left_alone(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, 1.0)
     assert found.verdict is Verdict.NONE
     assert not found.misread
+
+
+def test_a_sensor_that_is_read_right_is_no_pass_and_hides_no_effect() -> None:
+    base = cast(Baseline, SimpleNamespace(notes=("CAUTION: it reads 0.9 times what there is",)))
+    sensor = ScaledSensor("pressure_a", 0.9, 0.99, base)
+    fit = cast(Fit, None)
+    told = sensor.decided(Decision(Verdict.NONE, fit, (), None))
+    assert told.verdict is Verdict.UNKNOWN
+    assert told.unknown is not None
+    assert told.unknown.sensor == "'pressure_a' reads 0.9 times what there is"
+    effect = Decision(Verdict.EFFECT, fit, (), None)
+    assert sensor.decided(effect) is effect
+
+
+def test_what_nothing_is_calibrated_beside_promises_by_itself() -> None:
+    """By hand: y = f x with x twice too small asks for a factor of e, as a slope sees it: x - y."""
+    problem = _Scaled()
+    fit = Fit(np.zeros(0), (), problem.residual(np.zeros(0)), np.zeros((3, 0)), 1.0)
+    (found,) = promised(cast(Problem, problem), fit, [_Factor()]).values()
+    assert found.factor == pytest.approx(np.exp(1.0), rel=1e-3)
+    assert found.fall == pytest.approx(14.0, rel=1e-3)
+
+
+class _Scaled:
+    """Readings 2, 4, 6 of what is simulated as a factor times 1, 2, 3, in a noise of 1."""
+
+    soft = 1e6
+
+    def __init__(self, factor: float = 1.0) -> None:
+        self.factor = factor
+
+    def residual(self, _vector: FloatArray) -> FloatArray:
+        return np.array([1.0, 2.0, 3.0]) * (self.factor - 2.0)
+
+
+class _Factor:
+    """The factor of what is simulated."""
+
+    def times(
+        self, _problem: Problem, vector: FloatArray, factor: float
+    ) -> tuple[Problem, FloatArray]:
+        return cast(Problem, _Scaled(factor)), vector
+
+    def said(self, factor: float) -> str:
+        return f"{factor} times"

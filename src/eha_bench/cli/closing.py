@@ -150,11 +150,10 @@ def _leave_if_failed(failed: FailedStage | None, out: Path) -> None:
 def _say_verdict(found: Diagnosis) -> None:
     """Print verdict, causes and the held-out error before and after."""
     from eha_bench.plants.effect import EVERYWHERE
-    from eha_bench.report.diagnosis_text import declared_wrongly, misread_sensor, no_interval_of
+    from eha_bench.report.diagnosis_text import declared_wrongly, no_interval_of
 
     say(f"verdict: {found.verdict.value}{_unfinished_note(found)}")
-    sensor = misread_sensor(found)
-    for clause in [] if sensor else declared_wrongly(found):
+    for clause in declared_wrongly(found):
         say(f"  {clause}")
     for effect in found.effects:
         why = no_interval_of(effect, found)
@@ -166,8 +165,8 @@ def _say_verdict(found: Diagnosis) -> None:
         words = ", ".join(f"{key} {word}" for key, word in effect.settings.items())
         form = f" ({words})" if words else ""
         say(f"  {effect.id} in the {effect.equation} equation{place}{form}: {values}")
-    if sensor:
-        say(f"  a sensor reads wrongly, nothing else is missing: {sensor} is right")
+    if found.unknown and found.unknown.sensor:
+        say(f"  a sensor reads wrongly, nothing else is missing: {found.unknown.sensor}")
     elif found.unknown and found.unknown.equation and found.unknown.variables:
         place = f", at {found.unknown.at}" if found.unknown.at else ""
         variables = ", ".join(found.unknown.variables)

@@ -34,7 +34,7 @@ from eha_bench.diagnosis.outcome.remainder import remainder
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.outcome.scaled_channel import with_scaled_channel
-from eha_bench.diagnosis.outcome.scaled_sensor import scaled_sensor
+from eha_bench.diagnosis.outcome.scaled_sensor import ScaledSensor, scaled_sensor
 from eha_bench.diagnosis.outcome.worst_range import worst_range
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
@@ -53,6 +53,9 @@ class Conclusion:
         progress: called with the stage and the fraction of it done.
         thresholds: of the verdict.
     """
+
+    sensor: ScaledSensor | None = None
+    """The sensor whose gain was found wrong, and that is read right since."""
 
     def __init__(
         self,
@@ -121,7 +124,12 @@ class Conclusion:
             stepwise.run(self.search, self._on_progress)
         self.stage = "decide"
         self.refused = prune(self.search)
-        self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
+        self.decision = self._verdict()
+
+    def _verdict(self) -> Decision:
+        """Decide; a sensor that was read right is no pass."""
+        found = decide(self.search, COARSE, self._on_progress, self.refused)
+        return found if self.sensor is None else self.sensor.decided(found)
 
     def _read_at_scale(self) -> None:
         """Decide again with a channel read right whose scale is wrong."""
@@ -129,8 +137,8 @@ class Conclusion:
         if right is not None:
             self._decide_read_right(right)
         elif (found := scaled_sensor(self.base, self.search, self._on_progress)) is not None:
+            self.sensor = found
             self._decide_read_right(found.base)
-            self.decision = found.decided(self.decision)
 
     def _decide_read_right(self, right: Baseline) -> None:
         """Decide again with a channel read right, in held-out runs as well."""
@@ -201,11 +209,14 @@ class Conclusion:
         differing = differing_parameters(self.base, self.search.excess_base)
         if differing is None:
             return found
-        unknown = found.unknown
-        if unknown is not None and differing.is_all_of_it:
-            # what curve it would be otherwise is of no use then
-            unknown = replace(unknown, variables=(), description=differing.note)
-        return replace(found, unknown=unknown).with_note(differing.note)
+        if found.unknown is not None and differing.is_all_of_it:
+            # a curve would only imitate it
+            if self.decision.learned:
+                found = self._without_the_curve("it would imitate what differs between runs")
+            assert found.unknown is not None
+            unknown = Unknown(found.unknown.equation, (), differing.note)
+            found = replace(found, unknown=unknown)
+        return found.with_note(differing.note)
 
     def _with_remainder(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Say what remains beside the effects, and where it acts."""
@@ -295,7 +306,8 @@ class Conclusion:
         if not limits.is_unexplained(missing) and missing.relative < limits.rest:
             verdict = Verdict.NONE
         unknown = Unknown(None, (), note) if verdict is Verdict.UNKNOWN else None
-        return Decision(verdict, self.search.fit, (note,), unknown)
+        found = Decision(verdict, self.search.fit, (note,), unknown)
+        return found if self.sensor is None else self.sensor.decided(found)
 
     def _assemble(self, *, complete: bool) -> Diagnosis:
         """Assemble what was decided, and replay all runs."""
@@ -318,7 +330,7 @@ class Conclusion:
         self.stage = "decide"
         drop(self.search, against.item, without(self.search, against.item))
         self.refused += [against, *prune(self.search)]
-        self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
+        self.decision = self._verdict()
         return self._assemble(complete=True)
 
     def _unknown_in_held_out(self) -> Diagnosis:

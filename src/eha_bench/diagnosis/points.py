@@ -376,7 +376,7 @@ def _undetermined_parameters(own: Sequence[str], item: TriedCandidate) -> tuple[
 def _stretch(plant: StaticPlant, item: TriedCandidate) -> str:
     assert item.start is not None
     value = item.vector[item.start.strength_at]
-    unit = plant.layout.by_key[item.start.keys[0]].unit
+    unit = plant.layout.units_at(item.vector)[item.start.keys[0]]
     ratio = abs(value - item.start.neutral) / abs(item.start.strength - item.start.neutral)
     return (
         f"{item.start.candidate} would explain these points too, but with "

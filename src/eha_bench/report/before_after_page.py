@@ -161,6 +161,8 @@ def _cause(diagnosis: Mapping[str, Any]) -> str:
         causes = [f"{words_of(i['id'])} (in {where(i['equation'])})" for i in diagnosis["effects"]]
         return f"The model lacked {', '.join(causes)}."
     unknown = diagnosis["unknown"] or {}
+    if unknown.get("sensor"):
+        return f"A sensor reads wrongly: {unknown['sensor']}."
     if unknown.get("equation"):
         return f"Something unknown acts in {where(unknown['equation'])}."
     return "Something is missing from the model; what it is remains open."

@@ -94,12 +94,6 @@ def declared_wrongly(found: Diagnosis) -> list[str]:
     return clauses
 
 
-def misread_sensor(found: Diagnosis) -> str:
-    """Return how the sensor is read right in which something acts, "" where that is not known."""
-    at = found.unknown.at if found.unknown is not None else ""
-    return next((words for words in found.misread if at and f"'{at}'" in words), "")
-
-
 def _verdict(found: Diagnosis) -> str:
     if found.verdict is Verdict.NONE:
         wrong = declared_wrongly(found)
@@ -113,8 +107,8 @@ def _verdict(found: Diagnosis) -> str:
         return f"The model lacks {_enumeration(names)}"
     if found.unknown is None or found.unknown.equation is None:
         return "Something is missing from the model; what it is remains open"
-    if sensor := misread_sensor(found):
-        return f"A sensor reads wrongly: {sensor} is right"
+    if found.unknown.sensor:
+        return f"A sensor reads wrongly: {found.unknown.sensor}"
     on = _enumeration([words_of(name) for name in found.unknown.variables])
     depends = f" and depends on {on}" if on else ""
     return f"Something unknown acts in {where(found.unknown.equation)}{depends}"

@@ -112,8 +112,8 @@ class Scaled:
         """Say what it reads of what there is, and what to look at."""
         return (
             f"CAUTION: '{self.channel}' reads {1.0 / self.factor:.4g} times what there is: read "
-            f"right, as here, the error is {factor:.3g} times smaller, and all values are within "
-            f"what is believed of them; correct `scale` in {where}"
+            f"right, as here, the error is {factor:.3g} times smaller, and what is believed does "
+            f"not speak against it; correct `scale` in {where}, or have the sensor calibrated"
         )
 
 

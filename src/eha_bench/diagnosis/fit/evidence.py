@@ -206,15 +206,20 @@ def excess(problem: Problem, fit: Fit) -> Excess:
     for channel, part in parts:
         sums.setdefault(names[channel], []).append(float(np.mean(part**2)))
     floor = SOFT_MEAN * (problem.size - len(fit.free))
-    beliefs, _ = soften(fit.residual[fit.residual.size - fit.beliefs :], fit.soft)
     return Excess(
         fit.cost - floor,
         problem.size,
         float(significance),
         {name: float(np.mean(values)) for name, values in sums.items()},
         bursts,
-        float(beliefs @ beliefs),
+        against_beliefs(fit),
     )
+
+
+def against_beliefs(fit: Fit) -> float:
+    """Return the cost of parameters that are away from what is believed of them."""
+    beliefs, _ = soften(fit.residual[fit.residual.size - fit.beliefs :], fit.soft)
+    return float(beliefs @ beliefs)
 
 
 def _bursts(parts: list[FloatArray]) -> float:

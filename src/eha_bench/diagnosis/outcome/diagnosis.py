@@ -78,6 +78,7 @@ class Unknown:
         period: of the variable where it is periodic, else 0. when: (start, stop) times in s.
         at: node, element or sensor where the learned curve acts; "" where there is none.
         where: values of a channel at which the model errs most, as a clause; "" where about alike.
+        sensor: what the sensor reads in which it acts, as a clause; "" where that is not known.
     """
 
     equation: str | None
@@ -88,6 +89,7 @@ class Unknown:
     when: tuple[tuple[float, float], ...] = ()
     at: str = ""
     where: str = ""
+    sensor: str = ""
 
 
 ADDED: Final = "added"
@@ -246,6 +248,7 @@ class Diagnosis:
                 "period": self.unknown.period or None,
                 "when": [list(pair) for pair in self.unknown.when],
                 "where": self.unknown.where,
+                "sensor": self.unknown.sensor,
             },
             "remainder": None if self.remainder is None else self.remainder.to_dict(),
             "equivalent": [list(group) for group in self.equivalent],

@@ -59,23 +59,36 @@ class Followed:
     vector: FloatArray
 
 
-def promised(
-    base: Problem, fit: Fit, doubts: Iterable[AnyDoubt], factor: float = 1.0
-) -> dict[AnyDoubt, Promised]:
-    """Return what each doubt promises by the slopes at a fit.
+def promised(base: Problem, fit: Fit, doubts: Iterable[AnyDoubt]) -> dict[AnyDoubt, Promised]:
+    """Return what each doubt promises by the slopes at a fit, as all is declared.
 
     Args:
-        base: prepared, as all is declared. doubts: about what is not calibrated.
-        fit: of what is calibrated, with each a factor of what was declared.
+        base: prepared. fit: of what is calibrated. doubts: about what is not.
     """
-    found = {}
-    for doubt in doubts:
-        problem, vector = doubt.times(base, fit.vector, factor)
-        slopes = _slopes(problem, fit.free, vector)
-        own = _slope(doubt, base, vector, factor)
-        step, fall = _step(slopes, own, problem.residual(vector), problem.soft)
-        found[doubt] = Promised(float(np.exp(np.clip(step[-1], -_MOST, _MOST))), fall)
-    return found
+    vector = fit.vector
+    residual = base.residual(vector)
+    slopes = _slopes(base, fit.free, vector)
+    return {
+        doubt: _promised(slopes, _slope(doubt, base, vector, 1.0), residual, base.soft)
+        for doubt in doubts
+    }
+
+
+def promised_further(base: Problem, fit: Fit, doubt: Doubt, factor: float) -> Promised:
+    """Return what a doubt promises by the slopes at a fit with a factor of what was declared.
+
+    Args:
+        base: prepared, as all is declared. fit: of what is calibrated, with that factor.
+    """
+    problem, vector = doubt.times(base, fit.vector, factor)
+    slopes = _slopes(problem, fit.free, vector)
+    own = _slope(doubt, base, vector, factor)
+    return _promised(slopes, own, problem.residual(vector), problem.soft)
+
+
+def _promised(slopes: FloatArray, own: FloatArray, residual: FloatArray, soft: float) -> Promised:
+    step, fall = _step(slopes, own, residual, soft)
+    return Promised(float(np.exp(np.clip(step[-1], -_MOST, _MOST))), fall)
 
 
 def followed(base: Problem, fit: Fit, doubt: Doubt) -> Followed:
@@ -133,7 +146,7 @@ def _slopes(problem: Problem, free: Sequence[Free], vector: FloatArray) -> Float
             ends.append(problem.residual(moved))
         # at a bound it moves to one side alone
         columns.append((ends[0] - ends[1]) / (max(inside, 1) * _DIFFERENCE))
-    return np.column_stack(columns)
+    return np.column_stack(columns) if columns else np.zeros((problem.residual(vector).size, 0))
 
 
 def _slope(doubt: Doubt, problem: Problem, vector: FloatArray, factor: float) -> FloatArray:

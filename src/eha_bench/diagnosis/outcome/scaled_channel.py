@@ -25,7 +25,7 @@ from eha_bench.diagnosis.fit.candidates import is_drawn
 from eha_bench.diagnosis.fit.channel_mistakes import Suspect
 from eha_bench.diagnosis.fit.evidence import excess
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.search.state import Search
+from eha_bench.diagnosis.search.state import ALL_BUT_A_FORM, Search
 
 _FAR: Final = 1.5
 """Multiple of what is given under `within` from which a number takes another one too far."""
@@ -54,7 +54,7 @@ def with_scaled_channel(base: Baseline, search: Search, progress: ProgressHook) 
         # what cannot be calibrated is no better reading
         with suppress(InputError):
             other = calibrated_baseline(suspect.corrects(base.dataset), progress)
-            if _holds(search, base, other):
+            if holds(search, base, other):
                 note = suspect.correction.note(math.sqrt(before), suspect.where)
                 return other.noting_its_map(note)
     return None
@@ -84,11 +84,19 @@ def _suspects(base: Baseline, factor: float) -> Iterator[Suspect]:
                 yield Suspect(Scaled(name, scale), maps)
 
 
-def _holds(search: Search, base: Baseline, other: Baseline) -> bool:
-    """Whether a calibration leaves only noise, all channels and runs, and what is believed."""
+def holds(search: Search, base: Baseline, other: Baseline) -> bool:
+    """Whether a calibration with a channel read otherwise leaves nothing of what was missing.
+
+    It has all channels and runs that there were, and contradicts nothing that is believed.
+
+    Args:
+        search: without it. base: calibrated without it. other: with it.
+    """
+    left = excess(other.problem, other.fit)
+    next_to_nothing = left.total < ALL_BUT_A_FORM * search.excess_base.total
     return (
         base.problem.noise.keys() <= other.problem.noise.keys()
         and len(other.left_out) <= len(base.left_out)
-        and not search.thresholds.is_unexplained(excess(other.problem, other.fit))
+        and (next_to_nothing or not search.thresholds.is_unexplained(left))
         and not contradicted(other.problem.beliefs, other.fit.vector, _FAR)
     )

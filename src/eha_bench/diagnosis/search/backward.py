@@ -85,11 +85,22 @@ def _strength_spread(search: Search, start: Start) -> Spread | None:
 def drop(search: Search, item: Accepted, fit: Fit) -> None:
     """Take out what was added, and keep the better place that a fit without it has."""
     search.accepted = _others(search, item)
-    # what was taken out may have stood for how friction rests
-    search.fit = fit if search.accepted else polish_at_rest(search, fit, [])
+    search.fit = fit if search.accepted else _at_rest(search, fit)
     search.excess_left = excess(search.problem, search.fit)
     if not search.accepted:
         search.base, search.excess_base = search.fit, search.excess_left
+
+
+def _at_rest(search: Search, fit: Fit) -> Fit:
+    """Return a fit without anything added with friction at rest as the data ask for.
+
+    What was taken out may have stood for how friction rests.
+    """
+    rested = polish_at_rest(search, fit, [])
+    if rested.cost < cost_of(search.problem, fit.vector):
+        return rested
+    search.problem.prepare(fit.vector)
+    return fit
 
 
 def review(search: Search) -> None:

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from eha_bench.diagnosis.fit.beliefs import believed_residual, contradicted
 from eha_bench.diagnosis.fit.candidates import is_drawn
+from eha_bench.diagnosis.fit.evidence import against_beliefs
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
 from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.diagnosis.search.yielding import yields_to
-
-_SEVERAL = 2
-"""Values beyond what is believed of them that are no chance."""
 
 
 def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
@@ -84,14 +79,9 @@ def _relieves(search: Search, item: Refit) -> bool:
     moved them (the scale of a sensor).
     """
     limits, missing = search.thresholds, search.excess_left
-    beliefs = search.problem.beliefs
-    off = len(contradicted(beliefs, search.fit.vector))
-    if limits.is_seen(missing) or (off < _SEVERAL and missing.against_beliefs <= limits.gain):
+    if limits.is_seen(missing) or missing.against_beliefs <= limits.gain:
         return True
-    before, after = (
-        float(np.sum(believed_residual(beliefs, fit.vector) ** 2)) for fit in (search.fit, item.fit)
-    )
-    return after <= (1.0 - limits.explained) * before
+    return against_beliefs(item.fit) <= (1.0 - limits.explained) * missing.against_beliefs
 
 
 def equivalents(search: Search, chosen: Refit, trials: Sequence[Refit]) -> tuple[str, ...]:

@@ -114,7 +114,7 @@ class ElasticJoint:
         return force / stiffness + math.copysign(0.5 * play, force)
 
 
-_DRIVING = ("motor", "linear_motor", "pump")
+_DRIVING = ("motor", "linear_motor", "position_servo", "pump")
 """Kinds of elements whose own part carries nothing that is changed."""
 
 
