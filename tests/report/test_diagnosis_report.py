@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,6 +125,21 @@ def test_an_unknown_that_follows_nothing_is_not_said_to(tmp_path: Path) -> None:
     page = write_diagnosis_report(tmp_path, found, "dataset.yaml", DECLARED).read_text()
     assert text[1:] in page
     assert "It depends on" not in page
+
+
+def test_a_sensor_that_reads_wrongly_is_the_cause_and_no_curve(tmp_path: Path) -> None:
+    said = "'pressure_b' reads 0.9 times what there is"
+    unknown = Unknown(
+        "measurement", ("pressure_b",), "", 0.998, at="pressure_b.sensor", sensor=said
+    )
+    found = replace(nothing_found(), verdict=Verdict.UNKNOWN, unknown=unknown)
+    page = write_diagnosis_report(tmp_path, found, "dataset.yaml", DECLARED).read_text()
+    words = html.unescape(re.sub(r"<[^>]+>", "", page))
+    assert f"A sensor reads wrongly: {said}" in words
+    assert "Sensor in a sensor, at pressure b" in words
+    assert f"{said}: read right, as here, 99.8 % of what was missing goes." in words
+    assert "It depends on" not in words
+    assert "learned curve" not in words
 
 
 def test_a_curve_that_is_left_out_of_the_model_is_said_to_be() -> None:

@@ -64,6 +64,7 @@ class CauseView:
 class UnknownView:
     """Something that no known effect explains; `where` is empty where it was not located."""
 
+    name: str
     where: str
     description: str
     variables: str
@@ -136,9 +137,10 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
         "is_revised": _is_revised(found),
         "causes": _causes(found),
         "unknown": None if found.unknown is None else UnknownView(
+            "Sensor" if found.unknown.sensor else "Unknown",
             unknown_place(found.unknown),
             unknown_text(found.unknown, found.revised.effects),
-            ", ".join(words_of(item) for item in found.unknown.variables),
+            "" if found.unknown.sensor else ", ".join(map(words_of, found.unknown.variables)),
             times(found.unknown.when),
             curve_view(curve, key="learned", title="The learned curve") if curve else None,
         ),

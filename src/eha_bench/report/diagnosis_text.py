@@ -294,9 +294,8 @@ def unknown_place(found: Unknown) -> str:
     """Say in which balance something unknown acts, and where; "" where it was not located."""
     if found.equation is None:
         return ""
-    return (
-        f"{where(found.equation)}, at {words_of(found.at)}" if found.at else where(found.equation)
-    )
+    at = words_of(found.at.removesuffix(".sensor"))
+    return f"{where(found.equation)}, at {at}" if at else where(found.equation)
 
 
 def unknown_text(found: Unknown, effects: Iterable[DeclaredEffect]) -> str:
@@ -306,7 +305,12 @@ def unknown_text(found: Unknown, effects: Iterable[DeclaredEffect]) -> str:
         found: what is unknown. effects: of the revised model, the curve among them if it has it.
     """
     named = []
-    if math.isfinite(found.share) and found.share > 0.0:
+    if found.sensor:
+        named.append(
+            f"{found.sensor}: read right, as here, {share(found.share)} of what was missing goes. "
+            "Correct the channel's scale, or have the sensor calibrated."
+        )
+    elif math.isfinite(found.share) and found.share > 0.0:
         text = f"A learned curve explains {share(found.share)} of what noise does not"
         if any(effect.id == LEARNED for effect in effects):
             named.append(f"{text}.")
