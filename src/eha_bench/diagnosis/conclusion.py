@@ -127,9 +127,12 @@ class Conclusion:
         self.decision = self._verdict()
 
     def _verdict(self) -> Decision:
-        """Decide; a sensor that was read right is no pass."""
-        found = decide(self.search, COARSE, self._on_progress, self.refused)
-        return found if self.sensor is None else self.sensor.decided(found)
+        """Decide upon what the search holds."""
+        return self._no_pass(decide(self.search, COARSE, self._on_progress, self.refused))
+
+    def _no_pass(self, decision: Decision) -> Decision:
+        """Return a decision in which a sensor that was read right is no pass."""
+        return decision if self.sensor is None else self.sensor.decided(decision)
 
     def _read_at_scale(self) -> None:
         """Decide again with a channel read right whose scale is wrong."""
@@ -306,8 +309,7 @@ class Conclusion:
         if not limits.is_unexplained(missing) and missing.relative < limits.rest:
             verdict = Verdict.NONE
         unknown = Unknown(None, (), note) if verdict is Verdict.UNKNOWN else None
-        found = Decision(verdict, self.search.fit, (note,), unknown)
-        return found if self.sensor is None else self.sensor.decided(found)
+        return self._no_pass(Decision(verdict, self.search.fit, (note,), unknown))
 
     def _assemble(self, *, complete: bool) -> Diagnosis:
         """Assemble what was decided, and replay all runs."""

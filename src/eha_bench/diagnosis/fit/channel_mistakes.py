@@ -105,15 +105,7 @@ def _computes(path: Path | None) -> bool:
 
 def _possible(base: Baseline, maps: Mapping[Path | None, _Alike]) -> Iterator[Suspect]:
     """Yield all corrections that some channel's correlation suggests."""
-    plant = base.problem.plant
-    units = plant.units
-    # a rod's position may have been worked out from its joint's angle as the log was read
-    tied = {
-        name
-        for pair in plant.rods_behind.items()
-        if any(item.read(pair[0]) is not None for item in base.measured)
-        for name in pair
-    }
+    units, tied = base.problem.plant.units, tied_channels(base)
     against: dict[tuple[str, ...], list[Path | None]] = {}
     for path, alike in maps.items():
         if own := tuple(name for name, value in alike.own() if value < _AGAINST):
@@ -133,6 +125,16 @@ def _possible(base: Baseline, maps: Mapping[Path | None, _Alike]) -> Iterator[Su
                 crossed.setdefault((one, two), []).append(path)
     for (one, two), paths in crossed.items():
         yield from _in_maps(Exchanged(one, two), paths, maps)
+
+
+def tied_channels(base: Baseline) -> set[str]:
+    """Return a rod's position and its joint's angle, where a log has the one by the other."""
+    return {
+        name
+        for pair in base.problem.plant.rods_behind.items()
+        if any(item.read(pair[0]) is not None for item in base.measured)
+        for name in pair
+    }
 
 
 def _in_maps(

@@ -20,7 +20,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.map_correction import Scaled
 from eha_bench.diagnosis.fit.baseline import Baseline, calibrated_baseline
-from eha_bench.diagnosis.fit.channel_mistakes import Suspect
+from eha_bench.diagnosis.fit.channel_mistakes import Suspect, tied_channels
 from eha_bench.diagnosis.fit.evidence import excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
@@ -99,18 +99,10 @@ def scaled_sensor(base: Baseline, search: Search, progress: ProgressHook) -> Sca
 
 def _with_a_gain(base: Baseline) -> list[str]:
     """Return the compared channels of which a factor says something, each on its own."""
-    plant = base.problem.plant
-    # a rod's position may have been worked out from its joint's angle as the log was read
-    tied = {
-        name
-        for pair in plant.rods_behind.items()
-        if any(item.read(pair[0]) is not None for item in base.measured)
-        for name in pair
-    }
+    units = base.problem.plant.units
+    alone = base.problem.noise.keys() - tied_channels(base)
     # a factor of kelvins is an offset
-    return sorted(
-        name for name in base.problem.noise if name not in tied and plant.units.get(name) != "K"
-    )
+    return sorted(name for name in alone if units.get(name) != "K")
 
 
 def _fitted(problem: Problem, fit: Fit, doubt: ChannelScale) -> tuple[float, Fit]:

@@ -122,10 +122,7 @@ def _default(system: System, owner: str, name: str) -> float:
 
 def usual_effort(system: System, item: Coordinate) -> float:
     """Return a force (or torque) that matters at a coordinate, N (or N*m)."""
-    level = sum(
-        _default(system, part.name, "coulomb") * _ratio(system, part.element.ports[term.port])
-        for part, term, _ in system.terms(item, Friction)
-    )
+    level = sum(_default(system, name, "coulomb") * ratio for name, ratio in _rubbing(system, item))
     return level if level > 0.0 else _driving_effort(system, item) or 1.0
 
 
@@ -182,6 +179,14 @@ def _ratio(system: System, node: str) -> float:
     return abs(system.declared_ratio(node))
 
 
+def _rubbing(system: System, item: Coordinate) -> list[tuple[str, float]]:
+    """Return the elements that rub on a coordinate, each with how fast it moves relative to it."""
+    return [
+        (part.name, _ratio(system, part.element.ports[term.port]))
+        for part, term, _ in system.terms(item, Friction)
+    ]
+
+
 def _usual_position(system: System, item: Coordinate) -> float:
     """Return a way over which dry friction may yield, m (or rad)."""
     if item.node.kind is NodeKind.TRANSLATION:
@@ -201,8 +206,7 @@ def _usual_position(system: System, item: Coordinate) -> float:
 def _usual_speed(system: System, item: Coordinate, effort: float) -> float:
     """Return a speed that matters, m/s or rad/s: there viscous friction is as large as the rest."""
     damping = sum(
-        _default(system, part.name, "viscous") * _ratio(system, part.element.ports[term.port]) ** 2
-        for part, term, _ in system.terms(item, Friction)
+        _default(system, name, "viscous") * ratio**2 for name, ratio in _rubbing(system, item)
     )
     if damping > 0.0:
         return effort / damping
@@ -214,9 +218,7 @@ def _usual(system: System, item: Coordinate) -> dict[str, float]:
     speed = _usual_speed(system, item, effort)
     stribeck = 5e-3 if item.node.kind is NodeKind.TRANSLATION else 0.3
     declared = [
-        _default(system, part.name, "stribeck_speed")
-        / _ratio(system, part.element.ports[term.port])
-        for part, term, _ in system.terms(item, Friction)
+        _default(system, name, "stribeck_speed") / ratio for name, ratio in _rubbing(system, item)
     ]
     return {
         "effort": effort,
@@ -709,10 +711,9 @@ def _usual_acceleration(system: System, item: Coordinate) -> float:
 
 def _inertia_of_nodes(system: System, item: Coordinate) -> float:
     """Return what is declared of a coordinate's own nodes, kg*m^2 (or kg) at the coordinate."""
+    declared = system.parameters
     return sum(
-        _ratio(system, node) ** 2
-        * (_default(system, node, "inertia") + _default(system, node, "mass"))
-        for node in system.nodes_on(item)
+        share * declared[system.index[key]].default for key, share in system.declared_weights(item)
     )
 
 

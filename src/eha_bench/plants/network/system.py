@@ -896,12 +896,7 @@ class System:
         Args:
             item: the coordinate. value: parameter -> its value.
         """
-        weights = [
-            (self.slot_of[f"{name}.{key}"], self.declared_ratio(name) ** 2)
-            for name in self.nodes_on(item)
-            for key in ("inertia", "mass")
-            if f"{name}.{key}" in self.slot_of
-        ]
+        weights = self.declared_weights(item)
         keys = [key for key, _ in weights]
         total = sum(value(key) * share for key, share in weights)
         for part, term, _ in self.terms(item, Inertia):
@@ -911,6 +906,15 @@ class System:
             keys += own
             total += share * term.law(*map(value, own)) if len(own) == len(names) else math.inf
         return Weighed(item.name, total, tuple(keys))
+
+    def declared_weights(self, item: Coordinate) -> list[tuple[str, float]]:
+        """Return what a coordinate's own nodes weigh: parameters, each with its ratio squared."""
+        return [
+            (self.slot_of[f"{name}.{key}"], self.declared_ratio(name) ** 2)
+            for name in self.nodes_on(item)
+            for key in ("inertia", "mass")
+            if f"{name}.{key}" in self.slot_of
+        ]
 
     def inertias_of_nodes(self, item: Coordinate) -> list[str]:
         """Return what a coordinate's own nodes weigh."""
