@@ -2,13 +2,21 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from eha_bench.diagnosis.fit.candidates import all_starts, declared_sizes, effect_starts
+from eha_bench.diagnosis.fit.candidates import (
+    all_starts,
+    declared_sizes,
+    effect_starts,
+    is_of_a_sheet,
+    sheet_numbers,
+)
 from eha_bench.plants.network.file import load_plant
 from eha_bench.plants.registry import get_plant
 
 CYLINDER = "suites/plants/valve_cylinder.yaml"
+CLOSED = "suites/plants/single_rod_eha.yaml"
 
 
 def candidates(file: Path) -> set[str]:
@@ -93,3 +101,27 @@ def test_a_rack_that_turns_the_other_way_has_its_ends_in_order(
     starts = all_starts(layout, layout.defaults(), (), ())
     ratio = next(start for start in starts if start.candidate == "parameter:gear.ratio")
     assert ratio.low < ratio.strength < ratio.neutral == -193.0 < ratio.high < 0.0
+
+
+def test_parts_of_one_sheet_are_one_candidate(repository: Path) -> None:
+    """Both check valves of a closed circuit are of one type; a third is declared otherwise."""
+    layout = load_plant(repository / CLOSED).layout
+    vector = layout.defaults()
+    first, second = "check_a.cracking_pressure", "check_b.cracking_pressure"
+    vector[[layout.index[first], layout.index[second]]] = 2e4
+    (start,) = (item for item in sheet_numbers(layout, vector, ()) if first in item.keys)
+    assert start.keys == (first, second)
+    assert is_of_a_sheet(layout, start)
+    on = start.apply(vector)
+    assert on[layout.index[first]] == on[layout.index[second]] == pytest.approx(2.2e4)
+    assert start.is_within(on)
+    assert np.array_equal(start.off(on), vector)
+    vector[layout.index[second]] = 3e4
+    alone = [item.keys for item in sheet_numbers(layout, vector, ())]
+    assert {(first,), (second,)} <= {*alone}
+    beyond = start.apply(vector, 10.0)
+    assert not start.is_within(beyond)
+    assert start.is_within(0.999 * start.clipped(beyond))
+    assert first not in {
+        key for item in sheet_numbers(layout, vector, (first,)) for key in item.keys
+    }

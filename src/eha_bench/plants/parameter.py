@@ -30,6 +30,8 @@ class Parameter:
             tries them once the effect is found.
         drawn: whether a drawing or a nameplate gives it: no effect of a machine changes it, but it
             may be declared wrongly.
+        tolerance: share by which the part that was built may differ from its maker's sheet; 0: it
+            is no such number.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Parameter:
     nonzero: bool = False
     refines: bool = False
     drawn: bool = False
+    tolerance: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse a default outside its bounds: a typing error in a plug-in."""

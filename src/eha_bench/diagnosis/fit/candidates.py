@@ -1,8 +1,8 @@
 """What may be missing: every registered effect, and parameters that may be declared wrongly.
 
 A plant parameter whose value is only assumed is a candidate too, and so are a number of a drawing
-that is not calibrated, and the size of an effect that the model declares: where one explains the
-residual as well as an effect does, no effect is named.
+or of a maker's sheet that is not calibrated, and the size of an effect that the model declares:
+where one explains the residual as well as an effect does, no effect is named.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ class Start:
         low, high: bounds of the strength.
         keys: what a refit moves.
         equation: balance it acts in ("" for a parameter).
+        also: places of other parameters that are the same number of a maker's sheet.
     """
 
     candidate: str
@@ -54,14 +55,36 @@ class Start:
     high: float
     keys: tuple[str, ...]
     equation: str
+    also: tuple[int, ...] = ()
 
     def apply(self, vector: FloatArray, share: float = 1.0) -> FloatArray:
         """Return a vector with the candidate on, at a share of its starting strength."""
         out = vector.copy()
         for at, value in self.settings:
             out[at] = value
-        out[self.strength_at] = self.neutral + share * (self.strength - self.neutral)
+        out[self._sizes] = self.neutral + share * (self.strength - self.neutral)
         return out
+
+    def is_within(self, vector: FloatArray) -> bool:
+        """Whether the strength in a vector lies within its bounds."""
+        sizes = vector[self._sizes]
+        return bool(np.all((self.low < sizes) & (sizes < self.high)))
+
+    def off(self, vector: FloatArray) -> FloatArray:
+        """Return a vector with the candidate off, its settings as they are."""
+        out = vector.copy()
+        out[self._sizes] = self.neutral
+        return out
+
+    def clipped(self, vector: FloatArray) -> FloatArray:
+        """Return a vector with the strength within its bounds."""
+        out = vector.copy()
+        out[self._sizes] = np.clip(out[self._sizes], self.low, self.high)
+        return out
+
+    @property
+    def _sizes(self) -> list[int]:
+        return [self.strength_at, *self.also]
 
     def at(self, new: Mapping[int, float]) -> Start:
         """Return the start with other settings at some places of the vector."""
@@ -70,11 +93,11 @@ class Start:
 
     def bound_met(self, vector: FloatArray) -> float | None:
         """Return the bound that the strength stands at in a vector, SI; None where it is inside."""
-        strength = float(vector[self.strength_at])
         near = _AT * abs(self.strength - self.neutral)
-        for bound in (self.low, self.high):
-            if bound != self.neutral and abs(strength - bound) <= near:
-                return bound
+        for strength in vector[self._sizes]:
+            for bound in (self.low, self.high):
+                if bound != self.neutral and abs(strength - bound) <= near:
+                    return bound
         return None
 
     def is_off(self, vector: FloatArray) -> bool:
@@ -174,6 +197,7 @@ def all_starts(
         found += [start for start in starts if _can_be_missing(layout, effect, start, vector)]
     # a single rod is an effect, so an area of two that are declared the same is no number in doubt
     paired = {name for pair in pairs_alike(layout, vector) for name in pair}
+    found += sheet_numbers(layout, vector, calibrated)
     for parameter in layout.parameters:
         if parameter.name in calibrated or parameter.size > 1 or parameter.name in paired:
             continue
@@ -185,6 +209,24 @@ def all_starts(
             continue
         off_by = _ASSUMED_OFF_BY if parameter.assumed else _DECLARED_OFF_BY
         found.append(value_start(parameter.name, parameter, at, value, off_by, 1.1))
+    return found
+
+
+def sheet_numbers(layout: Layout, vector: FloatArray, calibrated: Sequence[str]) -> list[Start]:
+    """Return numbers of makers' sheets as candidates: each part differs from its sheet a little.
+
+    Parts that are declared the same are of one sheet (two check valves of a closed circuit).
+    """
+    sheets: dict[tuple[str, float], list[str]] = {}
+    for parameter in layout.parameters:
+        value = float(vector[layout.index[parameter.name]])
+        if parameter.tolerance and value and parameter.name not in calibrated:
+            sheets.setdefault((parameter.name.rpartition(".")[2], value), []).append(parameter.name)
+    found = []
+    for (_, value), names in sheets.items():
+        first, places = layout.by_key[names[0]], [layout.index[name] for name in names]
+        start = value_start("+".join(names), first, places[0], value, 1.0 + first.tolerance, 1.1)
+        found.append(replace(start, keys=tuple(names), also=tuple(places[1:])))
     return found
 
 
@@ -232,6 +274,11 @@ def pairs_alike(layout: Layout, vector: FloatArray) -> list[tuple[str, ...]]:
 def is_drawn(layout: Layout, start: Start) -> bool:
     """Whether a candidate is a number of a drawing that may be declared wrongly."""
     return start.is_parameter and layout.by_key[start.keys[0]].drawn
+
+
+def is_of_a_sheet(layout: Layout, start: Start) -> bool:
+    """Whether a candidate is a number of a maker's sheet, from which parts differ a little."""
+    return start.is_parameter and layout.by_key[start.keys[0]].tolerance > 0.0
 
 
 def start_values(layout: Layout, effect: BoundEffect, start: Start) -> dict[str, float]:

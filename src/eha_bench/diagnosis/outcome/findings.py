@@ -56,7 +56,9 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
         added.append(LEARNED)
-    assumed = [item.start.keys[0] for item in search.accepted if item.start.is_parameter]
+    assumed = [
+        key for item in search.accepted if item.start.is_parameter for key in item.start.keys
+    ]
     keys = [*base.keys, *assumed]
     ended = convergence(fit, base.starts, base.agreed)
     profiles = _profiles(search, decision, fit) if ended.has_intervals else {}
@@ -152,14 +154,21 @@ def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
         asked = f"the data ask for {fit.vector[at]:.4g} {parameter.unit}".rstrip()
         if abs(fit.vector[at] + declared[at]) < _OPPOSITE * abs(declared[at]):
             asked += " (a channel on one side of it has the opposite sign, or it turns backward)"
-        said = f"CAUTION: {key} is declared as {declared[at]:.4g} {parameter.unit}".rstrip()
-        notes.append(
-            f"{key} is only assumed in the model; {asked}"
-            if parameter.assumed
-            else f"{said}, and not calibrated; {asked}, which explains as much as any effect: "
-            "check it, and the scales of the channels on either side of it; correct it, or list it "
-            "under `calibrate`"
-        )
+        said = f"{key} is declared as {declared[at]:.4g} {parameter.unit}".rstrip()
+        if parameter.assumed:
+            note = f"{key} is only assumed in the model; {asked}"
+        elif parameter.tolerance:
+            note = (
+                f"{said}, and not calibrated; {asked}, and parts differ from their sheet by as "
+                "much: list it under `calibrate`"
+            )
+        else:
+            note = (
+                f"CAUTION: {said}, and not calibrated; {asked}, which explains as much as any "
+                "effect: check it, and the scales of the channels on either side of it; correct "
+                "it, or list it under `calibrate`"
+            )
+        notes.append(note)
     return notes
 
 

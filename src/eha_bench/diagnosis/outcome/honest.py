@@ -309,9 +309,9 @@ def _deepen_base(search: Search) -> None:
 
     It may have been caught where it began, and a better place would take from what effects gain.
     """
-    vector = search.fit.vector.copy()
+    vector = search.fit.vector
     for item in search.accepted:
-        vector[item.start.strength_at] = item.start.neutral
+        vector = item.start.off(vector)
     coarse = search.problem.at_step(max(search.problem.step, COARSE))
     other = levenberg_marquardt(coarse, vector, search.base.free, iterations=6, refresh=1)
     if other.cost > search.base.cost - search.thresholds.gain:

@@ -29,8 +29,7 @@ def without_idle(search: Search) -> Fit | None:
     """
     fit, item = search.fit, search.accepted[-1]
     start = item.start
-    vector = fit.vector.copy()
-    vector[start.strength_at] = start.neutral
+    vector = start.off(fit.vector)
     least = cost_of(search.problem, vector)
     for free in fit.free:
         if free.at == start.strength_at:
@@ -134,8 +133,7 @@ def _others(search: Search, item: Accepted) -> list[Accepted]:
 def without(search: Search, item: Accepted) -> Fit:
     """Return the search's fit without one of what was added, the others fitted again."""
     kept = _others(search, item)
-    vector = search.fit.vector.copy()
-    vector[item.start.strength_at] = item.start.neutral
+    vector = item.start.off(search.fit.vector)
     places = search.problem.places
     keys = [key for key in search.keys if not sticks(key, vector[places.index[key]])]
     for other in kept:

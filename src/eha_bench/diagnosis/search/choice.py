@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from eha_bench.diagnosis.fit.candidates import is_drawn
+from eha_bench.diagnosis.fit.candidates import is_drawn, is_of_a_sheet
 from eha_bench.diagnosis.fit.evidence import against_beliefs
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
@@ -19,6 +19,8 @@ def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
         return None
     good = _inside_bounds(search, good)
     chosen = good[0]
+    if (number := _number_of_a_sheet(search, chosen, trials)) is not None:
+        return number
     tied = tie(chosen.comparison.gain, chosen.fit.residual.size)
     alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
     if parameter := next((item for item in alike if item.start.is_parameter), None):
@@ -28,6 +30,27 @@ def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
     # likeliest, then the one that carries over best to runs left out
     simplest = min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
     return _yielding(search, simplest, good)
+
+
+def _number_of_a_sheet(search: Search, chosen: Refit, trials: Sequence[Refit]) -> Refit | None:
+    """Return a number of a maker's sheet that explains much of what the chosen one does, or None.
+
+    Each part differs from its sheet, and its law from the textbook's by about as much: an effect
+    that does little more may stand for that (an offset for where a check valve begins to open). One
+    that is there is found beside the number, which is taken out again where it is needless.
+    """
+    layout, limits = search.problem.plant.layout, search.thresholds
+    return next(
+        (
+            item
+            for item in trials
+            if is_of_a_sheet(layout, item.start)
+            and item.start.is_within(item.fit.vector)
+            and item.comparison.gain > max(limits.gain, limits.explained * chosen.comparison.gain)
+            and item.comparison.gain_out > limits.gain / 2
+        ),
+        None,
+    )
 
 
 def _yielding(search: Search, chosen: Refit, good: Sequence[Refit]) -> Refit:
@@ -65,7 +88,10 @@ def _is_acceptable(search: Search, item: Refit) -> bool:
         return False
     if not _relieves(search, item):
         return False
-    if is_drawn(search.problem.plant.layout, item.start):
+    layout = search.problem.plant.layout
+    if is_of_a_sheet(layout, item.start) and not item.start.is_within(item.fit.vector):
+        return False
+    if is_drawn(layout, item.start):
         # one that is only bent by what is missing explains a part of it, and carries over badly
         return min(found.share, found.share_out) > limits.nearly_all
     return limits.is_enough(found, search.excess_left, len(search.effects))

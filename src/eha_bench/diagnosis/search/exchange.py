@@ -158,8 +158,7 @@ def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:
     What was found has been fitted on and on. A rival that stops in a long valley (of mass and bulk
     modulus, whose ratio alone shows) would be behind for that, and be predicted from there.
     """
-    vector = search.fit.vector.copy()
-    vector[item.start.strength_at] = item.start.neutral
+    vector = item.start.off(search.fit.vector)
     for at, _ in trial.start.settings:
         vector[at] = trial.fit.vector[at]
     if len(search.effects) == 1:
@@ -190,7 +189,6 @@ def compared(search: Search, item: Accepted, fit: Fit) -> Improvement:
 
 def fit_with_item_off(search: Search, item: Accepted) -> Fit:
     """Return the present fit with one item switched off."""
-    vector = search.fit.vector.copy()
-    vector[item.start.strength_at] = item.start.neutral
+    vector = item.start.off(search.fit.vector)
     free = tuple(f for f in search.fit.free if f.key not in item.start.keys)
     return levenberg_marquardt(search.problem, vector, free, iterations=0)

@@ -231,8 +231,4 @@ def started_vector(item: Screened, vector: FloatArray, share: float = 1.0) -> Fl
     """Return a vector with a screened candidate on, at a share of the size that was predicted."""
     # a predicted amplitude is a fraction of the real one; never start from nothing
     size = share * float(np.sign(item.amplitude) or 1.0) * max(abs(item.amplitude), 1e-3)
-    out = item.start.apply(vector, size)
-    out[item.start.strength_at] = np.clip(
-        out[item.start.strength_at], item.start.low, item.start.high
-    )
-    return out
+    return item.start.clipped(item.start.apply(vector, size))

@@ -134,8 +134,7 @@ def _begun(search: Search, item: Accepted) -> Iterator[tuple[str, list[tuple[Sta
     look = search.look_of(item)
     taken = [other.start.candidate for other in search.accepted if other is not item]
     every = starts_of(search, taken)
-    off = search.fit.vector.copy()
-    off[item.start.strength_at] = item.start.neutral
+    off = item.start.off(search.fit.vector)
     for name in _names(search, item):
         fitted = [(trial.start, trial.fit) for trial in look if trial.candidate == name]
         if name == item.start.candidate:

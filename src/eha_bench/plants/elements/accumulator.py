@@ -17,7 +17,7 @@ import math
 from eha_bench.plants.network.element import Anatomy, Compliance, ElementKind, NodeKind, Port
 from eha_bench.plants.parameter import Parameter
 
-_PRECHARGE = Parameter("precharge", "Pa", 6e5, 0.0, math.inf, "p_0", "gauge")
+_PRECHARGE = Parameter("precharge", "Pa", 6e5, 0.0, math.inf, "p_0", "gauge", tolerance=0.2)
 _GAS = Parameter("gas_volume", "m^3", 1e-3, 1e-9, math.inf, "V_0", "at the precharge")
 _INDEX = Parameter("polytropic_index", "", 1.0, 1.0, 1.67, "n", "isothermal")
 _ATMOSPHERE = Parameter("atmosphere", "Pa", 1e5, 0.0, 2e5, "", "pressures are gauge")

@@ -15,7 +15,7 @@ from eha_bench.plants.network.element import HYDRAULIC, Anatomy, ElementKind, Fl
 from eha_bench.plants.parameter import Parameter
 
 _CONDUCTANCE = Parameter("conductance", "m^3/(s*Pa)", 6e-10, 0.0, math.inf, "G")
-_CRACKING = Parameter("cracking_pressure", "Pa", 0.0, 0.0, math.inf, "p_c")
+_CRACKING = Parameter("cracking_pressure", "Pa", 0.0, 0.0, math.inf, "p_c", tolerance=0.5)
 
 
 def flow(p_from: float, p_to: float, conductance: float, cracking_pressure: float) -> float:

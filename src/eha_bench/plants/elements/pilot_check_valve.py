@@ -19,7 +19,7 @@ from eha_bench.plants.parameter import Parameter
 
 _RATIO = Parameter("ratio", "", 3.0, 0.1, 100.0, "r")
 _CONDUCTANCE = Parameter("conductance", "m^3/(s*Pa)", 6e-10, 0.0, math.inf, "G")
-_CRACKING = Parameter("cracking_pressure", "Pa", 0.0, 0.0, math.inf, "p_c")
+_CRACKING = Parameter("cracking_pressure", "Pa", 0.0, 0.0, math.inf, "p_c", tolerance=0.5)
 _RANGE = Parameter("opening_range", "Pa", 1e5, 1.0, math.inf, "", "opens over one bar")
 
 

@@ -13,7 +13,7 @@ from eha_bench.plants.network.element import HYDRAULIC, Anatomy, ElementKind, Fl
 from eha_bench.plants.parameter import Parameter
 
 _CONDUCTANCE = Parameter("conductance", "m^3/(s*Pa)", 1e-10, 0.0, math.inf, "G")
-_SETTING = Parameter("setting", "Pa", 20e6, 0.0, math.inf, "p_r")
+_SETTING = Parameter("setting", "Pa", 20e6, 0.0, math.inf, "p_r", tolerance=0.15)
 
 
 def flow(p_from: float, p_to: float, conductance: float, setting: float) -> float:
