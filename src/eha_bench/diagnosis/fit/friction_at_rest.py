@@ -19,6 +19,9 @@ _ALIKE = 0.1
 """Share by which two such speeds differ that are one."""
 TELLING = 20.0
 """Fall of the cost that says that friction at rest is another one."""
+_HOPELESS, _FAR_OFF = 10.0, 0.02
+"""Rise of the cost with start states as they are, in `TELLING` and as a share of it, from which
+other start states make nothing good."""
 
 
 def is_friction_at_rest(key: str) -> bool:
@@ -62,23 +65,31 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
             continue
         at = layout.index[key]
         part = problem.subset(moving).apart()
-        costs = {}
         own = float(vector[at])
         # a fit moves it by so little itself
-        others = (size for size in sizes if abs(size - own) > _ALIKE * own)
-        for size in dict.fromkeys((own, *others)):
-            trial = vector.copy()
-            trial[at] = size
-            part.prepare_starts(trial)
-            costs[size] = cost_of(part, trial)
+        others = [size for size in sizes if abs(size - own) > _ALIKE * own]
+        trials = {size: _with(vector, at, size) for size in dict.fromkeys((own, *others))}
+        part.prepare_starts(vector)
+        roughly = {size: cost_of(part, trial) for size, trial in trials.items()}
+        costs = {own: roughly[own]}
+        for size in others:
+            # a start state moves a cost by a part of what friction at rest does
+            if roughly[size] - costs[own] < max(_HOPELESS * TELLING, _FAR_OFF * costs[own]):
+                part.prepare_starts(trials[size])
+                costs[size] = cost_of(part, trials[size])
         size = min(costs, key=lambda size: costs[size])
         if costs[size] < costs[own] - TELLING:
-            vector = vector.copy()
-            vector[at] = size
+            vector = trials[size]
     if vector is fit.vector:
         return fit
     problem.prepare(vector)
     return _along(problem, fit, vector)
+
+
+def _with(vector: FloatArray, at: int, size: float) -> FloatArray:
+    trial = vector.copy()
+    trial[at] = size
+    return trial
 
 
 def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
@@ -88,8 +99,7 @@ def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
         at = layout.index[key]
         best, cost = fit.vector, fit.cost
         for size in sizes:
-            trial = fit.vector.copy()
-            trial[at] = size
+            trial = _with(fit.vector, at, size)
             if (reached := cost_of(problem, trial)) < cost:
                 best, cost = trial, reached
         if best is not fit.vector:
