@@ -9,7 +9,7 @@ fraction of what a refit gains, but their order holds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +61,26 @@ def _amplitudes(start: Start) -> tuple[float, float]:
             for bound in (start.low, start.high))  # fmt: skip
     low, high = sorted(ends)
     return low, high
+
+
+def _furthest(item: Screened, moved: Callable[[Screened, float], Screened | None]) -> Screened:
+    """Return what gains most of what is reached by steps to either side, longer while they gain.
+
+    Args:
+        item: where steps begin. moved: a start moved by a factor; None where it may not be there.
+    """
+    for step in _STEPS:
+        for factor in (step, 1.0 / step):
+            stride = factor
+            while True:
+                found = moved(item, stride)
+                if found is not None and found.gain > item.gain:
+                    item, stride = found, stride * stride
+                elif stride == factor:
+                    break
+                else:
+                    stride = factor
+    return item
 
 
 class Screen:
@@ -133,9 +153,10 @@ class Screen:
 
         A fit does not find its way to a setting that is never reached, or that always is: what
         opens at 7.6 MPa looks like nothing at 9.5 and like a leak at 7.1. One after the other is
-        therefore moved by steps that become smaller (coordinate search: Hooke, Jeeves, J. ACM 8
-        (1961) 212, doi:10.1145/321062.321069). The size is moved as well, before and after: the
-        effect of saturating iron grows with a high power of it, and a slope tells little.
+        therefore moved by steps that become longer while they gain and smaller in the end
+        (coordinate search: Hooke, Jeeves, J. ACM 8 (1961) 212, doi:10.1145/321062.321069). The
+        size is moved as well, before and after: the effect of saturating iron grows with a high
+        power of it, and a slope tells little.
         """
         item = self._best_size(item)
         places = {layout.index[key]: layout.by_key[key] for key in item.start.keys}
@@ -150,33 +171,30 @@ class Screen:
         if item.amplitude == 0.0:
             return item
         low, high = _amplitudes(item.start)
-        best = self._of_size(item.start, item.amplitude)
-        for step in _STEPS:
-            for factor in (step, 1.0 / step):
-                while low <= (amplitude := best.amplitude * factor) <= high:
-                    found = self._of_size(item.start, amplitude)
-                    if found.gain <= best.gain:
-                        break
-                    best = found
+        least, most = _SMALLEST * abs(item.amplitude), abs(item.amplitude) / _SMALLEST
+
+        def moved(best: Screened, factor: float) -> Screened | None:
+            amplitude = best.amplitude * factor
+            within = low <= amplitude <= high and least <= abs(amplitude) <= most
+            return self._of_size(item.start, amplitude) if within else None
+
+        best = _furthest(self._of_size(item.start, item.amplitude), moved)
         return best if best.gain > 0.0 else item
 
     def _best_setting(self, item: Screened, at: int, parameter: Parameter) -> Screened:
         # what is predicted at another setting is compared with what is predicted here
         item = self.run(item.start, (_probe(item.amplitude),))
-        for step in _STEPS:
-            for factor in (step, 1.0 / step):
-                while True:
-                    value = dict(item.start.settings)[at] * factor
-                    start = item.start.at({at: value})
-                    vector = start.apply(self.fit.vector)
-                    permitted = self.problem.places.permits(vector, start.keys)
-                    if not parameter.low <= value <= parameter.high or not permitted:
-                        break
-                    found = self.run(start, (_probe(item.amplitude),))
-                    if found.gain <= item.gain:
-                        break
-                    item = found
-        return item
+
+        def moved(best: Screened, factor: float) -> Screened | None:
+            value = dict(best.start.settings)[at] * factor
+            start = best.start.at({at: value})
+            vector = start.apply(self.fit.vector)
+            permitted = self.problem.places.permits(vector, start.keys)
+            if not parameter.low <= value <= parameter.high or not permitted:
+                return None
+            return self.run(start, (_probe(best.amplitude),))
+
+        return _furthest(item, moved)
 
     def all(self, starts: Sequence[Start]) -> list[Screened]:
         """Return all starts, the most promising first; ties keep the order given."""
