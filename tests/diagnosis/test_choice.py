@@ -24,7 +24,7 @@ from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.search import choice, equivalent, look, stepwise
-from eha_bench.diagnosis.search.screen import Screen, Screened
+from eha_bench.diagnosis.search.screen import Screen, Screened, _furthest
 from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.plants.model import Model
 
@@ -355,6 +355,23 @@ def test_a_size_is_moved_to_where_it_gains_most_itself() -> None:
     assert moved.amplitude == pytest.approx(0.6, rel=0.03)
     # of the sum of squares, less what the soft loss takes from large residuals
     assert 0.8 < moved.gain / float(problem.missing @ problem.missing) < 1.0
+
+
+def test_steps_to_the_best_become_longer_while_they_gain() -> None:
+    """From a hundred to one in steps of a twentieth would take ninety simulations."""
+    item = Screened(all_starts(VALVE_CYLINDER.plant.layout, VALVE_CYLINDER.vector(), [], ())[0],
+                    100.0, -(np.log(100.0) ** 2), np.zeros(0, dtype=np.float32))  # fmt: skip
+    tried: list[float] = []
+
+    def moved(best: Screened, factor: float) -> Screened | None:
+        amplitude = best.amplitude * factor
+        if amplitude > 120.0:
+            return None
+        tried.append(amplitude)
+        return replace(best, amplitude=amplitude, gain=-(np.log(amplitude) ** 2))
+
+    assert _furthest(item, moved).amplitude == pytest.approx(1.0, rel=0.05)
+    assert len(tried) < 30
 
 
 def test_a_size_is_not_moved_beyond_its_bounds() -> None:
