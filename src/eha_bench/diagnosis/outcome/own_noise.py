@@ -108,7 +108,8 @@ def _with_noise(base: Baseline, problem: Problem, wander: Mapping[str, Wander]) 
     if wander:
         sizes = ", ".join(f"{name} {item.size:.2f}" for name, item in sorted(wander.items()))
         note = (
-            f"the zero of some sensors drifts slowly, which counts as noise ({sizes} of the noise)"
+            f"something slow that follows nothing is left, and counts as noise ({sizes} of the "
+            "noise): zeros of sensors that drift, or laws of a slightly other form"
         )
         notes = (*notes, note)
     return replace(
