@@ -54,6 +54,15 @@ def test_refinements_are_left_until_the_effect_is_there(repository: Path) -> Non
         assert (first, refined) == ({0.0}, {0.0, 1.0})
 
 
+def test_refinements_are_tried_one_at_a_time() -> None:
+    layout = get_plant("eha_knee").layout
+    effect = layout.effect("entrained_air")
+    places = [layout.index[f"entrained_air.{name}"] for name in ("dissolution", "gas")]
+    settings = [dict(start.settings) for start in effect_starts(layout, effect, refined=True)]
+    words = {tuple(own[at] for at in places) for own in settings}
+    assert words == {(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 2.0)}
+
+
 def test_the_size_of_a_declared_effect_may_be_wrong() -> None:
     layout = get_plant("eha_knee").layout
     vector = layout.defaults()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -15,9 +17,10 @@ from eha_bench.core.note import Note, of_run
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
-from eha_bench.diagnosis.data.measured import notes_of_runs, pooled_noise
+from eha_bench.diagnosis.data.measured import Measured, notes_of_runs, pooled_noise
 from eha_bench.diagnosis.data.noise import noise_of, quantum_of
 from eha_bench.diagnosis.data.windows import window_at
+from eha_bench.diagnosis.fit.baseline import _notes_of_constant_inputs, _notes_of_time
 
 OUTPUTS = ("current", "motor_speed", "pressure_a", "pressure_b", "piston_position")
 
@@ -268,3 +271,22 @@ def test_a_stall_is_compared_where_other_runs_show_that_the_sensor_lives():
     told = admit(run, still, ["voltage"], ["piston_position"], restful={"piston_position"})
     assert told.valid.all()
     assert "at rest or stalled" in told.notes[0]
+
+
+@pytest.mark.parametrize(("period", "said"), [(1e-3, 0), (1e-6, 1), (10.0, 1), (2e-2, 0)])
+def test_a_time_in_another_unit_is_said(period: float, said: int) -> None:
+    runs = [SimpleNamespace(time=period * np.arange(50))]
+    notes = [*_notes_of_time(cast("list[Measured]", runs))]
+    assert len(notes) == said
+    assert all("check the unit of their time" in note for note in notes)
+
+
+def test_inputs_that_never_change_are_said() -> None:
+    """A column beside the right one reads zero from end to end."""
+    still, moving = np.zeros(5), np.arange(5.0)
+    runs = [SimpleNamespace(inputs={"voltage": still, "load": still + 2.0}) for _ in range(2)]
+    (note,) = _notes_of_constant_inputs(cast("list[Measured]", runs), {"voltage": "V", "load": "N"})
+    assert "'voltage' is 0 V, 'load' is 2 N from end to end" in note
+    runs[1].inputs["voltage"] = moving
+    assert not [*_notes_of_constant_inputs(cast("list[Measured]", runs), {})]
+    assert not [*_notes_of_constant_inputs([], {})]

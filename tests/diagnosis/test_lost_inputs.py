@@ -52,6 +52,16 @@ def test_a_command_lost_at_a_jump_may_be_of_either_side() -> None:
     assert abs(found[1000] - 8.0) + 6.0 <= 1.1 * unsure.spread[0] <= 8.0
 
 
+def test_no_guess_swings_beyond_a_command_that_is_held() -> None:
+    """A cubic through a jump and two messages that are the same goes far beyond them."""
+    values = np.where(TIME < 1.0, -2.5, 2.5)
+    for lost in (998, 1001):
+        found, _ = guess_lost(TIME, *_without(values, [lost]))
+        assert found[lost] == values[lost]
+    found, _ = guess_lost(TIME, *_without(values + np.where(TIME == 1.001, -0.5, 0.0), [1000]))
+    assert -2.5 <= found[1000] <= 2.5
+
+
 def test_a_command_that_rests_is_known_and_long_holes_are_not_guessed() -> None:
     found, unsure = guess_lost(TIME, *_without(np.full(TIME.size, 3.0), [500, 501]))
     assert found[[500, 501]].tolist() == [3.0, 3.0]

@@ -159,11 +159,25 @@ def test_relief_valve_only_lets_oil_down(p_a, p_b, route, opened_by) -> None:
         assert a == -b
 
 
+def test_air_under_gauge_pressure_is_air_one_atmosphere_higher() -> None:
+    """By ISO 2533; stiffer by the index where no heat is exchanged."""
+    modulus = entrained_air.effective_bulk_modulus
+    absolute, gauge, polytropic = 0.0, 1.0, 2.0
+    read = (BETA, 4e5, 0.02, 1.0, 1e5, 0.0, 0.0, 2e7)
+    above = (BETA, 4e5 + 101325.0, 0.02, 1.0, 1e5, 0.0, 0.0, 2e7)
+    assert modulus(*read, gauge) == modulus(*above, absolute)
+    assert modulus(*read, polytropic) == modulus(*read, gauge)
+    # hardly any oil is compressed where nearly all is air: n p
+    soft = modulus(BETA, 0.0, 0.499, 1.4, 101325.0, 0.0, 0.0, 2e7, polytropic)
+    s = 0.499 / 0.501
+    assert soft == pytest.approx(BETA * (1 + s) / (1 + s * BETA / (1.4 * 101325.0)))
+
+
 def test_bubbles_dissolve_as_the_pressure_rises() -> None:
     """Half of s is left half-way to p_d, none beyond; below p_0 all of it."""
 
     def modulus(p: float, dissolution: float, air: float = 0.02) -> float:
-        own = (BETA, p, air, 1.0, 1e5, 0.0, dissolution, 2e7 + 1e5)
+        own = (BETA, p, air, 1.0, 1e5, 0.0, dissolution, 2e7 + 1e5, 0.0)
         return entrained_air.effective_bulk_modulus(*own)
 
     assert modulus(2.1e7, 1.0) == BETA
@@ -174,7 +188,7 @@ def test_bubbles_dissolve_as_the_pressure_rises() -> None:
 
 def test_oil_with_air_has_its_limits() -> None:
     def modulus(p, air=0.02, index=1.0):
-        return entrained_air.effective_bulk_modulus(BETA, p, air, index, 1e5, 0.0, 0.0, 2e7)
+        return entrained_air.effective_bulk_modulus(BETA, p, air, index, 1e5, 0.0, 0.0, 2e7, 0.0)
 
     assert modulus(1e12) == pytest.approx(BETA, rel=1e-3)
     # at p_0 the volumes are as declared: compliances add in proportion
@@ -189,8 +203,8 @@ def test_oil_with_air_has_its_limits() -> None:
 
 @given(p=st.floats(1e5, 4e7), air=st.floats(1e-4, 0.3))
 def test_air_only_softens_and_less_at_high_pressure(p, air) -> None:
-    here = entrained_air.effective_bulk_modulus(BETA, p, air, 1.0, 1e5, 0.0, 0.0, 2e7)
-    higher = entrained_air.effective_bulk_modulus(BETA, p * 1.1, air, 1.0, 1e5, 0.0, 0.0, 2e7)
+    here = entrained_air.effective_bulk_modulus(BETA, p, air, 1.0, 1e5, 0.0, 0.0, 2e7, 0.0)
+    higher = entrained_air.effective_bulk_modulus(BETA, p * 1.1, air, 1.0, 1e5, 0.0, 0.0, 2e7, 0.0)
     assert 0 < here <= higher <= BETA
 
 
@@ -209,7 +223,7 @@ def test_compressing_oil_with_air_follows_the_mixture_law(bare_knee, effect) -> 
     grid = np.linspace(p[0], p[-1], 200001)
     beta = np.array(
         [
-            entrained_air.effective_bulk_modulus(BETA, q, 0.05, 1.0, 1e5, 0.0, 0.0, 2e7)
+            entrained_air.effective_bulk_modulus(BETA, q, 0.05, 1.0, 1e5, 0.0, 0.0, 2e7, 0.0)
             for q in grid[::100]
         ]
     )

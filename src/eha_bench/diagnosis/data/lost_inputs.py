@@ -3,7 +3,9 @@
 A command that was lost in the log still acted. Its neighbours say what it was where it goes
 smoothly, and hardly anything where it jumps: a cubic through two messages on either side is the
 guess, and what such cubics miss as many messages nearby by is how far it may be off. Where all of
-them are the same it is known; where many in a row are lost nothing is guessed. What a value unknown
+them are the same it is known; where those on both sides are, a cubic would swing beyond a command
+that is held. No guess is beyond all that was ever asked for; where many in a row are lost nothing
+is guessed. What a value unknown
 by so much makes of a simulation counts as noise (`fit.lost_inputs`).
 """
 
@@ -121,11 +123,11 @@ class _Commands:
         Args:
             at: (k,) s. after: the first message behind the gap.
         """
-        near = self._near(after)
-        if self._rests(after):
-            return np.full(at.size, self.values[near][0])
+        near, before = self._near(after), self.values[after - 1]
+        if before == self.values[after]:
+            return np.full(at.size, before)
         found = [_through(self.time[near], self.values[near], float(instant)) for instant in at]
-        return np.array(found)
+        return np.clip(found, self.values.min(), self.values.max())
 
     def spread(self, guess: FloatArray, after: int, *, may_be_held: bool) -> FloatArray:
         """Return how far a guess may be off: none where the messages round the gap are the same."""

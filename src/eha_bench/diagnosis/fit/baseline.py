@@ -57,6 +57,10 @@ tick at 1 kHz."""
 SCREENING = 5e-4
 """Integration step where only a simulation's change by a candidate counts, s."""
 
+_FASTEST, _SLOWEST = 1.0 / 30e3, 2.0
+"""Periods between which actuators are logged, s: seconds read as milliseconds, or the other way
+round, are beyond them at the usual rates of 33 Hz to 30 kHz."""
+
 
 @dataclass
 class Baseline:
@@ -162,6 +166,8 @@ def gather(
         noise,
         (
             *notes,
+            *_notes_of_time(measured),
+            *_notes_of_constant_inputs(measured, plant.units),
             *_noise_notes(measured, plant.units),
             *_notes(measured),
             *merged_notes(_step_notes(measured)),
@@ -353,6 +359,32 @@ def _keys(dataset: Dataset, problem: Problem) -> tuple[str, ...]:
     """Return what a calibration estimates: for all runs, of each run's own, and of their clocks."""
     behind = (item.key for item in problem.places.behind)
     return tuple(dict.fromkeys((*dataset.model.calibrate, *behind)))
+
+
+def _notes_of_time(measured: Sequence[Measured]) -> Iterator[str]:
+    """Say that samples follow one another as no actuator's log does."""
+    periods = [float(np.median(np.diff(item.time))) for item in measured if item.time.size > 1]
+    period = float(np.median(periods)) if periods else _FASTEST
+    if not _FASTEST <= period <= _SLOWEST:
+        yield f"CAUTION: the logs have a sample every {period:.3g} s: check the unit of their time"
+
+
+def _notes_of_constant_inputs(
+    measured: Sequence[Measured], units: Mapping[str, str]
+) -> Iterator[str]:
+    """Say that no input ever changes, where something moves all the same."""
+    names = dict.fromkeys(name for item in measured for name in item.inputs)
+    own = {name: [item.inputs[name] for item in measured if name in item.inputs] for name in names}
+    if not own or any(np.ptp(values) > 0.0 for inputs in own.values() for values in inputs):
+        return
+    asked = ", ".join(
+        f"'{name}' is {f'{inputs[0][0]:.4g} {units.get(name) or unit_of(name)}'.strip()}"
+        for name, inputs in own.items()
+    )
+    yield (
+        f"CAUTION: no input changes in any training run ({asked} from end to end): what moves is "
+        "driven by nothing in the logs, or an input is mapped to another column"
+    )
 
 
 def _noise_notes(measured: Sequence[Measured], units: Mapping[str, str]) -> Iterator[str]:

@@ -114,11 +114,14 @@ class Start:
 def effect_starts(layout: Layout, effect: BoundEffect, *, refined: bool = False) -> list[Start]:
     """Return the starting points of an effect: its defaults, its `starts`, and every choice.
 
+    Choices that only refine what is there are tried one at a time.
+
     Args:
         layout: of the plant. effect: one of its effects.
         refined: with the words of choices that only refine what is there.
     """
-    refining = {item.name for item in effect.parameters if item.refines and not refined}
+    refinements = [item.name for item in effect.parameters if item.refines]
+    refining = set() if refined else {*refinements}
     words: dict[str, Sequence[int]] = {}
     for parameter in effect.parameters:
         if parameter.choices:
@@ -138,6 +141,8 @@ def effect_starts(layout: Layout, effect: BoundEffect, *, refined: bool = False)
             values = {parameter.name: parameter.default for parameter in effect.parameters}
             values |= point
             values |= {name: float(k) for name, k in zip(open_choices, combination, strict=True)}
+            if sum(values[name] != 0.0 for name in refinements) > 1:
+                continue
             # what a form does not have tells no two starts apart
             own = {*words, *(item.name for item in effect.search_parameters(values))}
             key = tuple((name, value) for name, value in values.items() if name in own)

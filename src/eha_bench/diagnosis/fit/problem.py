@@ -285,7 +285,8 @@ class Problem:
 
         Where the model is far off everywhere, 5 sigma of the noise would make outliers of all.
         """
-        self.soft = max(1.0, float(np.median(np.abs(residual)) / 0.6745))
+        usual = float(np.median(np.abs(residual))) if residual.size else 0.0
+        self.soft = max(1.0, usual / 0.6745)
 
     def rows_of(self, keep: Sequence[int]) -> IndexArray:
         """Return the places in the stacked residual of some windows."""

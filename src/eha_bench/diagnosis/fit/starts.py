@@ -152,7 +152,8 @@ def _fit_until_settled(short: Problem, vector: FloatArray, free: Sequence[Free])
         _weigh(short, vector)
         fit = levenberg_marquardt(short, vector, free, iterations=8, refresh=2, tries=_PATIENCE)
         vector = fit.vector
-        reached = float(np.mean(fit.residual**2))
+        # a log of a few samples has none in the shortest windows
+        reached = float(np.mean(fit.residual**2)) if fit.residual.size else 0.0
         if reached > _SETTLED * before:
             break
         before = reached

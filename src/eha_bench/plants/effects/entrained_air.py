@@ -11,8 +11,9 @@ Bubbles dissolve as the pressure rises (Henry's law): with `dissolution: linear`
 seconds, so the modulus is that of the bubbles that are left at p.
 
 Towards high pressure beta_e goes to beta, towards none to that of the air, n p. Pressures are taken
-absolute, as logged; where the sensors read gauge pressure, `ambient` adds the atmosphere. Below a
-tenth of p_0 the value there is held: oil that has lost all its pressure is vapour, not gas.
+absolute, as logged, with `gas: absolute`; sensors mostly read gauge pressure, and with `gauge` the
+atmosphere is added. With `polytropic` so it is, and n is fitted. `ambient` is added in any case.
+Below a tenth of p_0 the value there is held: oil that has lost all its pressure is vapour, not gas.
 
 Source: Murrenhoff, Grundlagen der Fluidtechnik, Shaker (IFAS mixture law); Kim,
 Murrenhoff, J. Fluids Eng. 134 (2012) 021201, doi:10.1115/1.4005672.
@@ -24,6 +25,10 @@ from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _LINEAR = 1.0
+_ABSOLUTE, _POLYTROPIC = 0.0, 2.0
+_GASES = ("absolute", "gauge", "polytropic")
+_ATMOSPHERE = 1.01325e5
+"""Standard atmosphere, Pa (ISO 2533)."""
 
 
 def effective_bulk_modulus(
@@ -35,9 +40,11 @@ def effective_bulk_modulus(
     ambient: float,
     dissolution: float,
     saturation_pressure: float,
+    gas: float,
 ) -> float:
     """Return the bulk modulus of oil with bubbles at a chamber pressure, Pa."""
-    p = max(pressure + ambient, 0.1 * reference_pressure)
+    outside = ambient if gas == _ABSOLUTE else ambient + _ATMOSPHERE
+    p = max(pressure + outside, 0.1 * reference_pressure)
     ratio = reference_pressure / p
     if polytropic_index != 1.0:
         ratio = ratio ** (1.0 / polytropic_index)
@@ -56,7 +63,7 @@ EFFECT = Effect(
         Parameter(
             "polytropic_index", "", 1.0, 1.0, 1.67, "n",
             "isothermal: the bubbles are small and exchange their heat with the oil",
-            searched=False,
+            when=("gas", ("polytropic",)),
         ),
         Parameter(
             "reference_pressure", "Pa", 1.0e5, 1e3, 1e7, "p_0",
@@ -71,6 +78,7 @@ EFFECT = Effect(
             "saturation_pressure", "Pa", 2e7, 1e6, 2e8, "p_d", "the pressure that dissolves all",
             when=("dissolution", ("linear",)),
         ),
+        choice("gas", _GASES, "what is read, and how bubbles are compressed", refines=True),
     ),
     actions={"chamber": Action({"bulk": effective_bulk_modulus})},
     together=True,
@@ -79,8 +87,11 @@ EFFECT = Effect(
         "steps with the piston locked from low and from high pressure: air softens only the low "
         "ones; external leakage drains also the high ones"
     ),
-    starts=tuple(
-        {"dissolution": _LINEAR, "saturation_pressure": all_of_it}
-        for all_of_it in (5e6, 1e7, 2e7, 4e7)
+    starts=(
+        {"dissolution": 0.0, "gas": _POLYTROPIC, "polytropic_index": 1.2},
+        *(
+            {"dissolution": _LINEAR, "saturation_pressure": all_of_it, "gas": _ABSOLUTE}
+            for all_of_it in (5e6, 1e7, 2e7, 4e7)
+        ),
     ),
 )  # fmt: skip
