@@ -81,7 +81,7 @@ def with_slow_noise(base: Baseline, search: Search, decision: Decision) -> Basel
         base: as calibrated. search: finished, without any effect. decision: on it.
     """
     much = search.excess_base.relative > _LITTLE
-    if decision.verdict is not Verdict.UNKNOWN or search.accepted or much:
+    if decision.verdict is not Verdict.UNKNOWN or search.effects or much:
         return None
     if decision.unknown is not None and decision.unknown.share > _FOLLOWED:
         return None
