@@ -99,7 +99,7 @@ def test_a_basis_by_products_is_that_by_singular_values() -> None:
 
 
 @pytest.mark.parametrize(
-    ("verdict", "relative", "followed", "accepted"),
+    ("verdict", "relative", "followed", "effects"),
     [
         (Verdict.NONE, 0.05, 0.0, []),
         (Verdict.EFFECT, 0.05, 0.0, []),
@@ -113,12 +113,12 @@ def test_only_a_little_that_nothing_explains_may_be_the_sensors_own(
     verdict: Verdict,
     relative: float,
     followed: float,
-    accepted: list[str],
+    effects: list[str],
 ) -> None:
     monkeypatch.setattr(own_noise, "wandering", lambda *_: pytest.fail("asked"))
     search = SimpleNamespace(
         excess_base=SimpleNamespace(relative=relative, significance=40.0),
-        accepted=accepted,
+        effects=effects,
         thresholds=DEFAULT,
     )
     unknown = Unknown("torque", (), "", followed)
@@ -129,6 +129,28 @@ def test_only_a_little_that_nothing_explains_may_be_the_sensors_own(
         )
         is None
     )
+
+
+def test_a_number_of_a_sheet_hides_no_slow_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was taken for a part of what slow noise had left."""
+    asked: list[str] = []
+    monkeypatch.setattr(own_noise, "with_noise_of_residual", lambda problem, _: problem)
+    monkeypatch.setattr(own_noise, "refit_with_noise", lambda *_: None)
+    monkeypatch.setattr(own_noise, "wandering", lambda *_: asked.append("asked") or {})
+    search = SimpleNamespace(
+        excess_base=SimpleNamespace(relative=0.05, significance=40.0),
+        accepted=["parameter:check_a.cracking_pressure"],
+        effects=[],
+        problem=SimpleNamespace(prepare=lambda _: None),
+        base=SimpleNamespace(vector=None),
+        thresholds=DEFAULT,
+    )
+    decision = SimpleNamespace(verdict=Verdict.UNKNOWN, unknown=Unknown("force", (), "", 0.0))
+    nothing = own_noise.with_slow_noise(
+        cast("Baseline", None), cast("Search", search), cast("Decision", decision)
+    )
+    assert nothing is None
+    assert asked == ["asked"]
 
 
 @pytest.mark.parametrize(
