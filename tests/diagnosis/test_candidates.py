@@ -9,7 +9,6 @@ from eha_bench.diagnosis.fit.candidates import (
     all_starts,
     declared_sizes,
     effect_starts,
-    is_of_a_sheet,
     sheet_numbers,
 )
 from eha_bench.plants.network.file import load_plant
@@ -120,7 +119,6 @@ def test_parts_of_one_sheet_are_one_candidate(repository: Path) -> None:
     vector[[layout.index[first], layout.index[second]]] = 2e4
     (start,) = (item for item in sheet_numbers(layout, vector, ()) if first in item.keys)
     assert start.keys == (first, second)
-    assert is_of_a_sheet(layout, start)
     on = start.apply(vector)
     assert on[layout.index[first]] == on[layout.index[second]] == pytest.approx(2.2e4)
     assert start.is_within(on)

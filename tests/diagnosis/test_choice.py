@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from known_search import LinearProblem, search_of, shape, start_of
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.fit.candidates import all_starts, value_start
+from eha_bench.diagnosis.fit.candidates import SheetNumber, all_starts, value_start
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Improvement, against_beliefs
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.own_parameters import Places
@@ -80,12 +80,12 @@ def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Se
     [(600.0, 1.2, "number"), (400.0, 1.2, "effect"), (600.0, 1.6, "effect")],
 )
 def test_an_effect_that_does_little_more_than_a_number_of_a_sheet_waits_for_it(
-    search: Search, monkeypatch: pytest.MonkeyPatch, gain: float, off_by: float, chosen: str
+    search: Search, gain: float, off_by: float, chosen: str
 ) -> None:
     """Nor has the number to be sure, as it accuses nothing."""
     layout, key = search.problem.plant.layout, STRENGTHS[RIVAL]
-    number = value_start(key, layout.by_key[key], layout.index[key], 2.0, 1.5, 1.1)
-    monkeypatch.setattr(choice, "is_of_a_sheet", lambda _, start: start.is_parameter)
+    start = value_start(key, layout.by_key[key], layout.index[key], 2.0, 1.5, 1.1)
+    number = SheetNumber(**vars(start))
     vector = search.fit.vector.copy()
     vector[number.strength_at] = off_by * 2.0
     fit = replace(search.fit, vector=vector, cost=search.fit.cost - gain)

@@ -386,7 +386,12 @@ def test_a_search_is_asked_for_by_its_shares_not_its_sizes() -> None:
             "the mean square error that remains is 10 times the noise's "
             "(21.5 times the noise's before)",
         ),
-        (8.99, 8.99, "the mean square error is 899.0 % above the noise's"),
+        (
+            0.99,
+            8.99,
+            "the mean square error that remains is 99.0 % above the noise's "
+            "(9.99 times the noise's before)",
+        ),
         (3.61e6, 3.61e6, "the mean square error is 3.61e+06 times the noise's"),
     ],
 )

@@ -192,10 +192,14 @@ def test_where_results_cannot_go_is_said_before_the_work(
 
 def test_an_effect_that_was_on_trial_is_not_named() -> None:
     """Both of a pair stand in the search while they are compared."""
-    trial = SimpleNamespace(comparison=NOT_COMPARED)
-    search = SimpleNamespace(
-        accepted=[trial],
-        effects=(),
+
+    class Pair(SimpleNamespace):
+        @property
+        def effects(self) -> list[SimpleNamespace]:
+            return [*self.accepted]
+
+    search = Pair(
+        accepted=[SimpleNamespace(comparison=NOT_COMPARED)],
         fit="with it",
         base="without",
         excess_left="little",

@@ -153,3 +153,25 @@ def test_a_place_that_never_moves_shows_none(tmp_path):
     time = np.arange(0.0, 1.0, 1e-3)
     assert fastest(layout, np.zeros(time.size), time) == np.inf
     assert fastest(layout, np.full(time.size, np.nan), time) == np.inf
+
+
+def test_a_play_is_no_larger_than_the_way_that_was_measured(tmp_path):
+    """In one run: where another one begins is no way."""
+    layout = slide(tmp_path).plant.layout
+    time = np.arange(0.0, 1.0, 1e-3)
+    ways = [0.2 + 0.05 * np.sin(np.pi * time), 0.02 * time]
+    runs = [
+        read(inputs={}, outputs=("position",), values=way[:, None], roles=KNOWN, time=time,
+             valid=np.ones((time.size, 1), bool))
+        for way in ways
+    ]  # fmt: skip
+    places = Places(layout, reached=reached_bounds(layout, runs))
+    vector = np.zeros(layout.size)
+    vector[layout.index["joint_backlash.gap"]] = 0.01
+    (free,) = free_parameters(places, ["joint_backlash.gap"], vector)
+    assert free.high == pytest.approx(0.05, rel=1e-3)
+    still = read(**{**vars(runs[0]), "values": np.full((time.size, 1), 0.2)})
+    (free,) = free_parameters(
+        Places(layout, reached=reached_bounds(layout, [still])), ["joint_backlash.gap"], vector
+    )
+    assert free.high == layout.by_key["joint_backlash.gap"].high

@@ -48,7 +48,7 @@ def search_of(plant: Plant, position: np.ndarray) -> Search:
     problem = Problem(plant, windows, noise, COARSE)
     vector = problem.places.lengthened(plant.layout.defaults())
     found = SimpleNamespace(
-        problem=problem, fit=SimpleNamespace(vector=vector), declared=(), keys=()
+        problem=problem, fit=SimpleNamespace(vector=vector), declared=(), keys=(), accepted=[]
     )
     return cast(Search, found)
 

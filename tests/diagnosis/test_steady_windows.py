@@ -77,9 +77,9 @@ def test_a_window_ends_where_half_a_step_begins_to_matter(model) -> None:
     assert [w.first for w in steady.windows] == [400 * k for k in range(10) if k != 7]
     (note,) = unsteady_notes(windows, steady.windows)
     assert note == (
-        "run 'swing' is not fitted at 3.03 to 3.2 s, 5.6 to 6.4 s: what sticks or switches there "
-        "parts simulations of nearly the same parameters, so no fit learns from it; nothing is "
-        "wrong with the log"
+        "run 'swing' is not fitted at 3.03 to 3.2 s, 5.6 to 6.4 s: there small changes of a "
+        "parameter change the simulation much, so a fit would learn nothing from it; that is no "
+        "fault of the log"
     )
 
 

@@ -10,6 +10,7 @@ from eha_bench.core.progress import ProgressHook
 from eha_bench.core.workers import Workers
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, Baseline
+from eha_bench.diagnosis.fit.candidates import SheetNumber
 from eha_bench.diagnosis.fit.side_by_side import fits_by
 from eha_bench.diagnosis.fit.start_angles import starts_of
 from eha_bench.diagnosis.fit.thresholds import Thresholds
@@ -110,7 +111,7 @@ class Conclusion:
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
                 found = self._unknown_in_held_out()
-        if found.complete and found.verdict is Verdict.NONE and not self.search.accepted:
+        if found.complete and found.verdict is Verdict.NONE and self._all_is_as_declared:
             self.found = found = self._with_doubtful_number(found, asked, workers)
         if found.complete and (why := unchecked(found, self.dataset)):
             self.found = found = found.with_note(why)
@@ -168,6 +169,11 @@ class Conclusion:
             "with what was found it does"
         )
         self.decision = replace(self.decision, notes=(*self.decision.notes, note))
+
+    @property
+    def _all_is_as_declared(self) -> bool:
+        """Whether nothing was added but what differs from a maker's sheet as parts do."""
+        return all(isinstance(item.start, SheetNumber) for item in self.search.accepted)
 
     def _with_rare_stretches(self, found: Diagnosis) -> Diagnosis:
         """Note when what is missing acts, where that is seldom."""
@@ -300,7 +306,7 @@ class Conclusion:
 
     def _decision_so_far(self) -> Decision:
         note = "interrupted during the search: it names the causes found until then"
-        if not all(self.search.thresholds.allow(item.comparison) for item in self.search.accepted):
+        if not all(self.search.thresholds.allow(item.comparison) for item in self.search.effects):
             # one was still on trial, and the fit holds it
             accept_nothing(self.search)
             note = "interrupted during the search, before any cause had stood its test"

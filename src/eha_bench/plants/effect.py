@@ -95,6 +95,8 @@ class Action:
         opens: a setting that is not reached most of the time, None where there is none.
         fades_by: the effect's parameter that is the speed by which it falls, "" for none: a search
             holds it well below the fastest that was measured.
+        plays: the effect's parameter that is a play, "" for none: one as large as all travel that
+            was measured never closes.
         remembers: whether its states follow from what was asked for alone: they start
             at the first command of a recording, and those before a window bring them to its start.
         unread: state -> function of the effect's parameters and of what is usual at its place
@@ -117,6 +119,7 @@ class Action:
     charges: str = ""
     opens: Opening | None = None
     fades_by: str = ""
+    plays: str = ""
     remembers: bool = False
     unread: Mapping[str, Callable[..., float]] = field(default_factory=dict)
 

@@ -124,7 +124,8 @@ class _Commands:
             at: (k,) s. after: the first message behind the gap.
         """
         near, before = self._near(after), self.values[after - 1]
-        if before == self.values[after]:
+        if before == self.values[after] and np.sum(self.values[near] == before) > _SIDE:
+            # held on one side at least, not at the top of a swing
             return np.full(at.size, before)
         found = [_through(self.time[near], self.values[near], float(instant)) for instant in at]
         return np.clip(found, self.values.min(), self.values.max())

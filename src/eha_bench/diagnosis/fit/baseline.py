@@ -57,9 +57,9 @@ tick at 1 kHz."""
 SCREENING = 5e-4
 """Integration step where only a simulation's change by a candidate counts, s."""
 
-_FASTEST, _SLOWEST = 1.0 / 30e3, 2.0
-"""Periods between which actuators are logged, s: seconds read as milliseconds, or the other way
-round, are beyond them at the usual rates of 33 Hz to 30 kHz."""
+_FASTEST, _SLOWEST = 1.0 / 30e3, 0.5
+"""Periods between which actuators are logged, s. Of seconds that are read as milliseconds those of
+more than 30 Hz are beyond them, of milliseconds read as seconds those of less than 2 kHz."""
 
 
 @dataclass
@@ -372,18 +372,19 @@ def _notes_of_time(measured: Sequence[Measured]) -> Iterator[str]:
 def _notes_of_constant_inputs(
     measured: Sequence[Measured], units: Mapping[str, str]
 ) -> Iterator[str]:
-    """Say that no input ever changes, where something moves all the same."""
+    """Say that no input ever changes; nothing where there is none."""
     names = dict.fromkeys(name for item in measured for name in item.inputs)
     own = {name: [item.inputs[name] for item in measured if name in item.inputs] for name in names}
     if not own or any(np.ptp(values) > 0.0 for inputs in own.values() for values in inputs):
         return
     asked = ", ".join(
-        f"'{name}' is {f'{inputs[0][0]:.4g} {units.get(name) or unit_of(name)}'.strip()}"
+        f"'{name}' is {' or '.join(dict.fromkeys(f'{values[0]:.4g}' for values in inputs))} "
+        f"{units.get(name) or unit_of(name)}".strip()
         for name, inputs in own.items()
     )
     yield (
-        f"CAUTION: no input changes in any training run ({asked} from end to end): what moves is "
-        "driven by nothing in the logs, or an input is mapped to another column"
+        f"no input changes within any training run ({asked}): if one should, it is mapped to "
+        "another column"
     )
 
 

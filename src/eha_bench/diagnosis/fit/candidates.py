@@ -43,7 +43,6 @@ class Start:
         low, high: bounds of the strength.
         keys: what a refit moves.
         equation: balance it acts in ("" for a parameter).
-        also: places of other parameters that are the same number of a maker's sheet.
     """
 
     candidate: str
@@ -55,7 +54,6 @@ class Start:
     high: float
     keys: tuple[str, ...]
     equation: str
-    also: tuple[int, ...] = ()
 
     def apply(self, vector: FloatArray, share: float = 1.0) -> FloatArray:
         """Return a vector with the candidate on, at a share of its starting strength."""
@@ -64,11 +62,6 @@ class Start:
             out[at] = value
         out[self._sizes] = self.neutral + share * (self.strength - self.neutral)
         return out
-
-    def is_within(self, vector: FloatArray) -> bool:
-        """Whether the strength in a vector lies within its bounds."""
-        sizes = vector[self._sizes]
-        return bool(np.all((self.low < sizes) & (sizes < self.high)))
 
     def off(self, vector: FloatArray) -> FloatArray:
         """Return a vector with the candidate off, its settings as they are."""
@@ -84,7 +77,8 @@ class Start:
 
     @property
     def _sizes(self) -> list[int]:
-        return [self.strength_at, *self.also]
+        """Places of what is its strength."""
+        return [self.strength_at]
 
     def at(self, new: Mapping[int, float]) -> Start:
         """Return the start with other settings at some places of the vector."""
@@ -109,6 +103,26 @@ class Start:
     def is_parameter(self) -> bool:
         """Whether it is a parameter's value that may be wrong, not an effect."""
         return self.candidate.startswith("parameter:")
+
+
+@dataclass(frozen=True)
+class SheetNumber(Start):
+    """A number of a maker's sheet, from which each part differs a little.
+
+    Attributes:
+        also: places of the same number of other parts of this sheet, which moves with the strength.
+    """
+
+    also: tuple[int, ...] = ()
+
+    def is_within(self, vector: FloatArray) -> bool:
+        """Whether parts differ from their sheet by less than may be."""
+        sizes = vector[self._sizes]
+        return bool(np.all((self.low < sizes) & (sizes < self.high)))
+
+    @property
+    def _sizes(self) -> list[int]:
+        return [self.strength_at, *self.also]
 
 
 def effect_starts(layout: Layout, effect: BoundEffect, *, refined: bool = False) -> list[Start]:
@@ -217,7 +231,9 @@ def all_starts(
     return found
 
 
-def sheet_numbers(layout: Layout, vector: FloatArray, calibrated: Sequence[str]) -> list[Start]:
+def sheet_numbers(
+    layout: Layout, vector: FloatArray, calibrated: Sequence[str]
+) -> list[SheetNumber]:
     """Return numbers of makers' sheets as candidates: each part differs from its sheet a little.
 
     Parts that are declared the same are of one sheet (two check valves of a closed circuit).
@@ -231,7 +247,8 @@ def sheet_numbers(layout: Layout, vector: FloatArray, calibrated: Sequence[str])
     for (_, value), names in sheets.items():
         first, places = layout.by_key[names[0]], [layout.index[name] for name in names]
         start = value_start("+".join(names), first, places[0], value, 1.0 + first.tolerance, 1.1)
-        found.append(replace(start, keys=tuple(names), also=tuple(places[1:])))
+        own = {**vars(start), "keys": tuple(names)}
+        found.append(SheetNumber(**own, also=tuple(places[1:])))
     return found
 
 
@@ -279,11 +296,6 @@ def pairs_alike(layout: Layout, vector: FloatArray) -> list[tuple[str, ...]]:
 def is_drawn(layout: Layout, start: Start) -> bool:
     """Whether a candidate is a number of a drawing that may be declared wrongly."""
     return start.is_parameter and layout.by_key[start.keys[0]].drawn
-
-
-def is_of_a_sheet(layout: Layout, start: Start) -> bool:
-    """Whether a candidate is a number of a maker's sheet, from which parts differ a little."""
-    return start.is_parameter and layout.by_key[start.keys[0]].tolerance > 0.0
 
 
 def start_values(layout: Layout, effect: BoundEffect, start: Start) -> dict[str, float]:

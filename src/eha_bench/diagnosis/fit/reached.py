@@ -6,13 +6,15 @@ two apart. So a setting is no lower than what is reached half of the time.
 
 A friction that is still falling at the fastest speed is a curve like any other: with a viscous
 friction beside it, it is as good as a drag that grows with the square of the speed. So the speed by
-which it falls is at most a fifth of the fastest: of an exponential, less than 1 % is left there.
+of an exponential, less than 1 % is left there.
+
+A play as large as all travel never closes: what is beyond it would be another mass.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -64,7 +66,7 @@ def reached_bounds(layout: Layout, runs: Sequence[Measured]) -> tuple[ReachedBou
     Args:
         layout: of the plant. runs: what was measured; those that do not show it say nothing.
     """
-    return (*_settings(layout, runs), *_fading_speeds(layout, runs))
+    return (*_settings(layout, runs), *_fading_speeds(layout, runs), *_plays(layout, runs))
 
 
 def _settings(layout: Layout, runs: Iterable[Measured]) -> Iterable[ReachedBounds]:
@@ -106,15 +108,34 @@ def _pair(run: Measured) -> FloatArray:
 
 def _fading_speeds(layout: Layout, runs: Sequence[Measured]) -> Iterable[ReachedBounds]:
     for effect in layout.effects:
-        if not effect.action.fades_by:
-            continue
-        several = len(effect.places) > 1
-        bounds: dict[tuple[float, ...], tuple[float, float]] = {}
-        for number in range(len(effect.places)):
-            spots = effect.spots_of(number)
-            bounds[(float(number),) if several else ()] = -np.inf, _FADED * _fastest(spots, runs)
-        places = (layout.index[f"{effect.id}.{AT}"],) if several else ()
-        yield ReachedBounds(f"{effect.id}.{effect.action.fades_by}", places, bounds)
+        if name := effect.action.fades_by:
+            yield _at_most(layout, effect, name, lambda spots: _FADED * _fastest(spots, runs))
+
+
+def _plays(layout: Layout, runs: Sequence[Measured]) -> Iterable[ReachedBounds]:
+    for effect in layout.effects:
+        if name := effect.action.plays:
+            yield _at_most(layout, effect, name, lambda spots: _travel(spots, runs))
+
+
+def _at_most(
+    layout: Layout, effect: BoundEffect, name: str, most: Callable[[Sequence[Spot]], float]
+) -> ReachedBounds:
+    """Return the bounds of a parameter that is at most so much, by the places where it acts."""
+    several = len(effect.places) > 1
+    bounds: dict[tuple[float, ...], tuple[float, float]] = {
+        (float(number),) if several else (): (-np.inf, most(effect.spots_of(number)))
+        for number in range(len(effect.places))
+    }
+    places = (layout.index[f"{effect.id}.{AT}"],) if several else ()
+    return ReachedBounds(f"{effect.id}.{name}", places, bounds)
+
+
+def _travel(spots: Sequence[Spot], runs: Sequence[Measured]) -> float:
+    """Return the longest way that a run shows at some places, SI; inf if none shows one."""
+    read = [way for spot in spots for run in runs if (way := run.read(spot.motion[0])) is not None]
+    ways = [float(np.ptp(way[np.isfinite(way)])) for way in read if np.isfinite(way).any()]
+    return max((way for way in ways if way > 0.0), default=np.inf)
 
 
 def _fastest(spots: Sequence[Spot], runs: Sequence[Measured]) -> float:

@@ -103,7 +103,7 @@ def unsteady_notes(before: Sequence[Window], after: Sequence[Window]) -> list[st
             own.append((begins, float(time[window.last - 1])))
     return [
         f"run '{name}' is not fitted at {', '.join(f'{a:.3g} to {b:.3g} s' for a, b in own)}: "
-        "what sticks or switches there parts simulations of nearly the same parameters, so no fit "
-        "learns from it; nothing is wrong with the log"
+        "there small changes of a parameter change the simulation much, so a fit would learn "
+        "nothing from it; that is no fault of the log"
         for name, own in stretches.items()
     ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
-from eha_bench.diagnosis.fit.candidates import LEARNED
+from eha_bench.diagnosis.fit.candidates import LEARNED, SheetNumber
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
@@ -24,7 +24,7 @@ from eha_bench.diagnosis.unknown.places import places_of
 
 _LOUD, _QUIET = 2.0, 1.1
 """Mean square of a channel, in the noise's, from which it errs, and up to which it does not."""
-_TIMES = 9.0
+_TIMES = 1.0
 """Share above the noise from which a note counts in times the noise, not in per cent."""
 
 
@@ -132,7 +132,12 @@ def _beside_a_remainder(
     """
     known = search.snapshot()
     names = ", ".join(item.start.candidate for item in known.effects)
-    search.accepted = [item for item in search.accepted if item.start.is_parameter]
+    search.accepted = [
+        item
+        for item in search.accepted
+        # one of a sheet is as declared in the fit that follows
+        if item.start.is_parameter and not isinstance(item.start, SheetNumber)
+    ]
     search.fit = search.base
     text = f"the best known effects explain less than half of it: {names}"
     found = _unknown(search, step, progress, (*notes, text))
@@ -185,7 +190,7 @@ def _unknown(
     found = _decision_with_curve(search, locator, located[0], step, notes)
     others = [name for name in locator.near if name != located[0].template.equation]
     if others:
-        also = f"these data hardly tell it from one in the {' and '.join(others)} balance"
+        also = f"what is missing may as well act in the {' or '.join(others)} balance"
         found = replace(found, notes=(*found.notes, also))
     return replace(found, locator=locator, located=tuple(located))
 

@@ -37,6 +37,7 @@ from eha_bench.diagnosis.outcome.rivals import found_rival
 from eha_bench.diagnosis.search.state import RankedCandidate, Search, shown_by_no_run
 from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.model import Model
+from eha_bench.plants.parameter import Parameter
 
 _OPPOSITE = 0.05
 """Relative difference of two values whose signs alone differ."""
@@ -135,7 +136,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         corrected={
             key: float(model.vector()[layout.index[key]])
             for key in assumed
-            if key in calibrated and not layout.by_key[key].assumed
+            if key in calibrated and not _may_differ(layout.by_key[key])
         },
         per_run=own,
         undetermined=undetermined_directions(fit),
@@ -144,6 +145,11 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         rivals=(found_rival(search, fit, final, added),),
         lateness=late,
     )
+
+
+def _may_differ(parameter: Parameter) -> bool:
+    """Whether a value that data ask for instead of the declared one is no mistake of that."""
+    return parameter.assumed or parameter.tolerance > 0.0
 
 
 def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
@@ -288,7 +294,8 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
             item = replace(tried, score=share, p_value=found.p_value, refitted=True)
         error = float(np.sqrt(max(item.cost, 0.0) / size))
         place = order.get(item.candidate, len(order) + (0 if item.refitted else 1))
-        reason = ADDED if item.candidate in order else _why(item, best, others=others)
+        chance = search.thresholds.p_value
+        reason = ADDED if item.candidate in order else _why(item, best, chance, others=others)
         if item.candidate in same:
             reason = "fits as well as the effect that was added"
         line = RankLine(item.candidate, item.score, item.p_value, error, reason)
@@ -296,8 +303,13 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
     return tuple(line for _, _, line in sorted(lines, key=lambda entry: entry[:2]))
 
 
-def _why(item: RankedCandidate, best: float, *, others: bool) -> str:
-    """Say in words why a candidate was not added; `others`: some were refitted in its place."""
+def _why(item: RankedCandidate, best: float, most: float, *, others: bool) -> str:
+    """Say in words why a candidate was not added.
+
+    Args:
+        item: the candidate. best: share that the best one explains. most: probability that a gain
+            is an accident, up to which it is believed. others: some were refitted in its place.
+    """
     if not item.refitted:
         if item.score < 0.005:
             return "its simulated response does not resemble the residual"
@@ -309,6 +321,10 @@ def _why(item: RankedCandidate, best: float, *, others: bool) -> str:
     if item.score <= 0.0:
         return "refitted with all parameters, it is no better on runs left out of the fit"
     behind = f", where the best explains {per_cent(min(best, 1.0), 1)}" if best > item.score else ""
-    chance = "" if item.p_value < 1e-3 else f"; by chance with a probability of {item.p_value:.2g}"
+    chance = (
+        ""
+        if item.p_value < most
+        else f"; by chance with a probability of {item.p_value:.2g}, and {most:g} is asked for"
+    )
     share = per_cent(item.score, 1)
     return f"refitted, it explains {share} of the excess error on runs left out{behind}{chance}"

@@ -15,6 +15,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.beliefs import contradicted
+from eha_bench.diagnosis.fit.candidates import SheetNumber
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
@@ -45,8 +46,13 @@ _NOT_DISTINCT = (
 def prune(search: Search) -> list[Refusal]:
     """Take out of a search what its own figures speak against; return what, and why.
 
-    What one leaves may take the others to a bound, so these are looked at again.
+    What one leaves may take the others to a bound, so these are looked at again. A number of a
+    sheet that has moved further than parts differ from theirs by goes without a word.
     """
+    for item in list(search.accepted):
+        start = item.start
+        if isinstance(start, SheetNumber) and not start.is_within(search.fit.vector):
+            drop(search, item, without(search, item))
     if not search.effects:
         return []
     _deepen_base(search)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from eha_bench.diagnosis.fit.candidates import is_drawn, is_of_a_sheet
+from eha_bench.diagnosis.fit.candidates import SheetNumber, is_drawn
 from eha_bench.diagnosis.fit.evidence import against_beliefs
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
@@ -39,12 +39,12 @@ def _number_of_a_sheet(search: Search, chosen: Refit, trials: Sequence[Refit]) -
     that does little more may stand for that (an offset for where a check valve begins to open). One
     that is there is found beside the number, which is taken out again where it is needless.
     """
-    layout, limits = search.problem.plant.layout, search.thresholds
+    limits = search.thresholds
     return next(
         (
             item
             for item in trials
-            if is_of_a_sheet(layout, item.start)
+            if isinstance(item.start, SheetNumber)
             and item.start.is_within(item.fit.vector)
             and item.comparison.gain > max(limits.gain, limits.explained * chosen.comparison.gain)
             and item.comparison.gain_out > limits.gain / 2
@@ -88,10 +88,9 @@ def _is_acceptable(search: Search, item: Refit) -> bool:
         return False
     if not _relieves(search, item):
         return False
-    layout = search.problem.plant.layout
-    if is_of_a_sheet(layout, item.start) and not item.start.is_within(item.fit.vector):
+    if isinstance(item.start, SheetNumber) and not item.start.is_within(item.fit.vector):
         return False
-    if is_drawn(layout, item.start):
+    if is_drawn(search.problem.plant.layout, item.start):
         # one that is only bent by what is missing explains a part of it, and carries over badly
         return min(found.share, found.share_out) > limits.nearly_all
     return limits.is_enough(found, search.excess_left, len(search.effects))

@@ -161,7 +161,7 @@ def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:
     vector = item.start.off(search.fit.vector)
     for at, _ in trial.start.settings:
         vector[at] = trial.fit.vector[at]
-    if len(search.effects) == 1:
+    if len(search.effects) == 1 and search.accepted[-1] is item:
         # nothing came after it: its parameters are those of its fit
         vector = trial.fit.vector.copy()
     free = tuple(

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import is_drawn
+from eha_bench.diagnosis.fit.candidates import SheetNumber, is_drawn
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, Improvement, compare, excess
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
@@ -143,8 +143,13 @@ def _best(search: Search) -> Nearby | None:
     """Return the best pair refitted to the end, None where none is worth it."""
     layout = search.problem.plant.layout
     near = Near.of(search, search.problem.at_step(COARSE))
-    # a number of a drawing explains nearly all alone, or is only bent by what is missing
-    starts = [start for start in starts_of(search) if not is_drawn(layout, start)]
+    # a number of a drawing explains nearly all alone, or is only bent by what is missing; one of
+    # a sheet is taken alone as well
+    starts = [
+        start
+        for start in starts_of(search)
+        if not (is_drawn(layout, start) or isinstance(start, SheetNumber))
+    ]
     turning = [effect.id for effect in layout.effects if is_periodic(effect)]
     # effects of the shaft's angle are scanned for at length: only where that was worth it before
     seen = {trial.candidate for trials in search.looks for trial in trials}

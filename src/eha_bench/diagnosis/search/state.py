@@ -173,7 +173,9 @@ def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
     """
     places, vector = search.problem.places, search.fit.vector
     declared = [*search.declared, *taken]
-    starts = all_starts(places.layout, vector, declared, search.keys)
+    numbers = [item.start for item in search.accepted if item.start.is_parameter]
+    fitted = [*search.keys, *(key for start in numbers for key in start.keys)]
+    starts = all_starts(places.layout, vector, declared, fitted)
     starts += declared_sizes(places.layout, vector, search.declared, search.keys)
     starts = [start for start in starts if places.permits(start.apply(vector), start.keys)]
     hidden = shown_by_no_run(search.problem)

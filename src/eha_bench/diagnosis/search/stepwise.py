@@ -20,6 +20,8 @@ from eha_bench.diagnosis.search.state import Accepted, Refit, Search
 from eha_bench.diagnosis.search.whole_runs import compare_over_whole_runs
 
 MOST_EFFECTS = 4
+_MOST_ADDED = 6
+"""Effects, and numbers that may be declared wrongly beside them."""
 _NEARLY = 0.1
 
 
@@ -59,10 +61,10 @@ def run(search: Search, progress: ProgressHook) -> None:
 
 def _grow(search: Search, progress: ProgressHook) -> None:
     """Add one effect after the other until nothing more is found."""
-    for _ in range(MOST_EFFECTS - len(search.accepted)):
+    while len(search.effects) < MOST_EFFECTS and len(search.accepted) < _MOST_ADDED:
         if search.looks and not (is_worth_a_look(search) or _refused_for_its_share(search)):
             return
-        progress("search", len(search.accepted) / (MOST_EFFECTS + 1))
+        progress("search", len(search.accepted) / (_MOST_ADDED + 1))
         trials = _latest_look(search)
         chosen = choose(search, trials)
         if chosen is None:

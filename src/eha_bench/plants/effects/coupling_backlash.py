@@ -24,7 +24,7 @@ EFFECT = Effect(
     id="coupling_backlash",
     summary="Play in an elastic coupling that was declared without it.",
     parameters=(Parameter("play", "{play}", 1e-4, 0.0, 0.5, "g", "from end to end"),),
-    actions={"elastic_coupling": Action(adjusts={"play": with_play}, same_as="play")},
+    actions={"elastic_coupling": Action(adjusts={"play": with_play}, same_as="play", plays="play")},
     source="Nordin, Gutman, Automatica 38 (2002) 1633, doi:10.1016/S0005-1098(02)00047-X",
     separate=(
         "hold the load and reverse the drive slowly: with play it turns freely before the coupling "

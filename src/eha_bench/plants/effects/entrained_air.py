@@ -62,7 +62,8 @@ EFFECT = Effect(
         Parameter("air_fraction", "", 0.01, 0.0, 0.5, "phi"),
         Parameter(
             "polytropic_index", "", 1.0, 1.0, 1.67, "n",
-            "isothermal: the bubbles are small and exchange their heat with the oil",
+            "isothermal: the bubbles are small and exchange their heat with the oil; a declared "
+            "one acts with any gas, and it is fitted",
             when=("gas", ("polytropic",)),
         ),
         Parameter(

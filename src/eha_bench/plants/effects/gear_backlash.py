@@ -34,7 +34,9 @@ EFFECT = Effect(
         ),
     ),
     actions={
-        "rigid_joint": Action(couples=Coupling("compliance", "damping_time", "sensors", "play"))
+        "rigid_joint": Action(
+            couples=Coupling("compliance", "damping_time", "sensors", "play"), plays="play"
+        )
     },
     source="Nordin, Gutman, Automatica 38 (2002) 1633, doi:10.1016/S0005-1098(02)00047-X",
     separate=(

@@ -274,6 +274,7 @@ def _before_a_load(balance: Equation) -> Action:
         Equation.MEASUREMENT,
         chosen_by="side",
         equations={"load": balance},
+        plays="gap",
         advance={
             "read": drag, "way": move_by, "load_x": move_load, "load_v": push_load,
             "seen": look, "moment": arrive,
@@ -320,6 +321,7 @@ EFFECT = Effect(
             },
             Equation.MEASUREMENT,
             choices={"side": ("position_sensor", "joint")},
+            plays="gap",
             advance={"read": drag},
             start={"read": read_at_first},
         ),

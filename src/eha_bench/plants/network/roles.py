@@ -826,7 +826,8 @@ def _joint(system: System, item: Coordinate) -> Iterator[Spot]:
         "stiffness": "N/m" if kind is NodeKind.TRANSLATION else "N*m/rad",
     }
     usual = {"play": play, "stiffness": _PIN}
-    yield Spot(item.name, Equation.MEASUREMENT, hooks, names, units, usual)
+    motion = _motion_channels(system, item)
+    yield Spot(item.name, Equation.MEASUREMENT, hooks, names, units, usual, motion=motion)
 
 
 def _viscous(system: System, item: Coordinate) -> str:
