@@ -33,8 +33,10 @@ def search_in_all_runs(
     found = begin(whole, search.thresholds)
     problem, vector = whole.problem, whole.fit.vector.copy()
     others = search.problem.places.index
+    # nothing is added yet in all runs
+    added = {key for item in search.accepted for key in item.start.keys}
     for key, place in problem.places.index.items():
-        if key in others:
+        if key in others and key not in added:
             vector[place] = search.fit.vector[others[key]]
     problem.prepare(vector)
     problem.scale_to(problem.residual(vector))
