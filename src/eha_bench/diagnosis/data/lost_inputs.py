@@ -5,8 +5,8 @@ smoothly, and hardly anything where it jumps: a cubic through two messages on ei
 guess, and what such cubics miss as many messages nearby by is how far it may be off. Where all of
 them are the same it is known; where those on both sides are, a cubic would swing beyond a command
 that is held. No guess is beyond all that was ever asked for; where many in a row are lost nothing
-is guessed. What a value unknown
-by so much makes of a simulation counts as noise (`fit.lost_inputs`).
+is guessed. What a value unknown by so much makes of a simulation counts as noise
+(`fit.lost_inputs`).
 """
 
 from __future__ import annotations

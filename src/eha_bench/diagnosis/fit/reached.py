@@ -6,7 +6,7 @@ two apart. So a setting is no lower than what is reached half of the time.
 
 A friction that is still falling at the fastest speed is a curve like any other: with a viscous
 friction beside it, it is as good as a drag that grows with the square of the speed. So the speed by
-of an exponential, less than 1 % is left there.
+which it falls is at most a fifth of the fastest: of an exponential, less than 1 % is left there.
 
 A play as large as all travel never closes: what is beyond it would be another mass.
 """

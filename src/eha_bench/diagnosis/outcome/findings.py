@@ -285,6 +285,7 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
     best = max(shares, default=0.0)
     accepted = {item.start.candidate: item.comparison for item in search.accepted}
     others = any(item.refitted for item in search.ranking)
+    most = search.thresholds.p_value
     for tried in search.ranking:
         item = tried
         if tried.candidate in accepted:
@@ -294,8 +295,7 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
             item = replace(tried, score=share, p_value=found.p_value, refitted=True)
         error = float(np.sqrt(max(item.cost, 0.0) / size))
         place = order.get(item.candidate, len(order) + (0 if item.refitted else 1))
-        chance = search.thresholds.p_value
-        reason = ADDED if item.candidate in order else _why(item, best, chance, others=others)
+        reason = ADDED if item.candidate in order else _why(item, best, most, others=others)
         if item.candidate in same:
             reason = "fits as well as the effect that was added"
         line = RankLine(item.candidate, item.score, item.p_value, error, reason)
