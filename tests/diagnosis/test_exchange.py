@@ -15,10 +15,17 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from known_search import LinearProblem, add, assumed, refitted, search_of, shape, strength
 
+from eha_bench.diagnosis import conclusion
+from eha_bench.diagnosis.conclusion import Conclusion
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.thresholds import Thresholds
+from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.search import exchange as module
-from eha_bench.diagnosis.search.exchange import exchange, take_better_equivalents
+from eha_bench.diagnosis.search.exchange import (
+    exchange,
+    take_better_equivalents,
+    take_equivalent,
+)
 from eha_bench.diagnosis.search.state import Refit, Search
 
 TRUE, ALIKE, OTHER = "coulomb_friction", "current_deadband", "current_lag"
@@ -111,6 +118,41 @@ def test_of_two_equivalents_with_as_many_parameters_the_likelier_comes_first() -
     (item,) = search.accepted
     assert (item.start.candidate, item.equivalent) == (TRUE, (ALIKE,))
     assert 1.0 < before - search.fit.cost < Thresholds().gain
+
+
+def test_an_equivalent_takes_the_place_of_what_does_not_stand() -> None:
+    search = taken_for_equal(search_of(problem(likeness=1.0 - 1e-7), "viscous_friction"))
+    assert take_equivalent(search, search.accepted[0])
+    (item,) = search.accepted
+    # what does not stand is no equivalent of it any more
+    assert (item.start.candidate, item.equivalent) == (TRUE, ())
+    assert item.comparison.share > 0.9
+    assert strength(search, search.fit, ALIKE) == 0.0
+    assert strength(search, search.fit, TRUE) == pytest.approx(7.0, rel=0.05)
+
+
+@pytest.mark.parametrize(("likeness", "equivalent"), [(0.9, (ALIKE,)), (0.9, ())])
+def test_what_is_behind_or_no_equivalent_takes_no_place(
+    likeness: float, equivalent: tuple[str, ...]
+) -> None:
+    search = search_of(problem(likeness=likeness), "viscous_friction")
+    add(search, TRUE, ALIKE)
+    search.accepted = [replace(search.accepted[0], equivalent=equivalent)]
+    fit = search.fit
+    assert not take_equivalent(search, search.accepted[0])
+    assert (names(search), search.fit) == ([TRUE], fit)
+
+
+def test_the_end_decides_again_with_an_equivalent(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = taken_for_equal(search_of(problem(likeness=1.0 - 1e-7), "viscous_friction"))
+    end = Conclusion.__new__(Conclusion)
+    end.search, end.refused = search, []
+    monkeypatch.setattr(conclusion, "prune", lambda _search: [])
+    monkeypatch.setattr(end, "_verdict", lambda: names(search))
+    monkeypatch.setattr(end, "_assemble", lambda *, complete: (end.decision, complete))
+    against = Refusal(search.accepted[0], "held-out runs are worse with it")
+    assert end._without_effect(against) == ([TRUE], True)
+    assert end.refused == [against]
 
 
 def test_the_wrong_look_alike_is_replaced(tried: list[Any]) -> None:

@@ -39,6 +39,7 @@ from eha_bench.diagnosis.outcome.scaled_sensor import ScaledSensor, scaled_senso
 from eha_bench.diagnosis.outcome.worst_range import worst_range
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.search.exchange import take_equivalent
 from eha_bench.diagnosis.search.left_out_runs import explains_all_runs, search_in_all_runs
 from eha_bench.diagnosis.search.state import accept_nothing, begin
 from eha_bench.diagnosis.unknown.locator import locate
@@ -334,9 +335,10 @@ class Conclusion:
         return self.found
 
     def _without_effect(self, against: Refusal) -> Diagnosis:
-        """Decide again without an effect that the end speaks against."""
+        """Decide again with an equivalent of an effect that the end speaks against, or none."""
         self.stage = "decide"
-        drop(self.search, against.item, without(self.search, against.item))
+        if not take_equivalent(self.search, against.item):
+            drop(self.search, against.item, without(self.search, against.item))
         self.refused += [against, *prune(self.search)]
         self.decision = self._verdict()
         return self._assemble(complete=True)

@@ -64,15 +64,13 @@ def take_better_equivalents(search: Search) -> None:
     One that is no longer as good beside what was found since is no equivalent.
     """
     for item in list(search.effects):
-        trials = [one for one in search.look_of(item) if one.candidate in item.equivalent]
-        ends = [(trial, fit_in_place(search, item, trial)) for trial in trials]
+        ends = _equivalents_in_place(search, item)
         if not ends:
             continue
         best, fit = min(ends, key=lambda end: end[1].cost)
-        others = [other.start for other in search.accepted if other is not item]
         if (
             not _is_likelier(search, item, best, fit)
-            or not are_inside(search, [best.start, *others], fit.vector)
+            or not _stands_inside(search, item, best, fit)
             or yields_to(search, best.candidate, fit.vector) == item.start.candidate
         ):
             gain = item.comparison.gain
@@ -91,6 +89,38 @@ def take_better_equivalents(search: Search) -> None:
         if is_as_good(search, search.fit, fit, found.gain):
             equal = (item.start.candidate, *equal)
         put_in_place(search, item, Accepted(best.start, found, equal), fit)
+
+
+def take_equivalent(search: Search, item: Accepted) -> bool:
+    """Let the best equivalent take the place of an effect that does not stand, where there is one.
+
+    What speaks against one of two that windows cannot tell apart need not speak against the other:
+    over a whole run of another kind they part.
+    """
+    gain = item.comparison.gain
+    ends = [
+        (trial, fit)
+        for trial, fit in _equivalents_in_place(search, item)
+        if is_as_good(search, fit, search.fit, gain) and _stands_inside(search, item, trial, fit)
+    ]
+    if not ends:
+        return False
+    best, fit = min(ends, key=lambda end: end[1].cost)
+    equal = tuple(trial.candidate for trial, _ in ends if trial is not best)
+    put_in_place(search, item, Accepted(best.start, compared(search, item, fit), equal), fit)
+    return True
+
+
+def _equivalents_in_place(search: Search, item: Accepted) -> list[tuple[Refit, Fit]]:
+    """Return an effect's equivalents, each with its fit in that one's place."""
+    trials = [one for one in search.look_of(item) if one.candidate in item.equivalent]
+    return [(trial, fit_in_place(search, item, trial)) for trial in trials]
+
+
+def _stands_inside(search: Search, item: Accepted, trial: Refit, fit: Fit) -> bool:
+    """Whether an equivalent in an item's place, and all others beside it, stand at no bound."""
+    others = [other.start for other in search.accepted if other is not item]
+    return are_inside(search, [trial.start, *others], fit.vector)
 
 
 def _is_likelier(search: Search, item: Accepted, trial: Refit, fit: Fit) -> bool:
