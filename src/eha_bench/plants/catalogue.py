@@ -111,7 +111,9 @@ def _element(kind: ElementKind) -> Iterator[str]:
     yield "| parameter | unit | where it is left out | range | |"
     yield "|---|---|---|---|---|"
     for parameter in kind.parameters:
-        default = "required" if parameter.name in kind.required else _default(parameter)
+        default = _default(parameter)
+        if parameter.name in (*kind.required, *kind.one_of):
+            default = "required" if parameter.name in kind.required else "one of these"
         cells = (
             f"`{parameter.name}`", parameter.unit, default, _range(parameter), _note(parameter)
         )  # fmt: skip

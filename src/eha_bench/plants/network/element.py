@@ -300,6 +300,7 @@ class ElementKind:
         id: as `kind:` names it. summary: one sentence. source: literature.
         ports: where it joins nodes.
         parameters: all that may be declared. required: names of those that have to be.
+        one_of: names of those of which one has to be, and not more; () for none.
         anatomy: what it does, given the names of the parameters that are declared, and of the
             inputs that are used (as `input:port`).
         refers: keys that name another element; its laws see that one's parameters as
@@ -315,6 +316,7 @@ class ElementKind:
     parameters: tuple[Parameter, ...]
     anatomy: Callable[[frozenset[str]], Anatomy]
     required: tuple[str, ...] = ()
+    one_of: tuple[str, ...] = ()
     source: str = ""
     refers: tuple[str, ...] = ()
     changed_between_runs: tuple[str, ...] = ()
@@ -328,7 +330,8 @@ class ElementKind:
         """
         known = [item.name for item in self.parameters]
         changed = (*self.changed_between_runs, *self.changed_by_warmth)
-        for verb, names in (("requires", self.required), ("changes", changed)):
+        asked = (*self.required, *self.one_of)
+        for verb, names in (("requires", asked), ("changes", changed)):
             for name in names:
                 if name not in known:
                     raise PluginError(

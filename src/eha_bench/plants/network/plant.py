@@ -159,6 +159,30 @@ class NetworkPlant(Plant):
         self._loose_plants: dict[tuple[str, bool], LoosenedPlant] = {}
         self.can_lock = bool(system.locked_coordinates)
         self.has_bypass = system.has_bypass
+        system.refuse_underived()
+        self._refuse_open_linkage()
+
+    def _refuse_open_linkage(self) -> None:
+        """Refuse a linkage whose triangle does not close where the rod begins."""
+        vector = self.layout.defaults()
+        linkage = self.linkage(vector)
+        if linkage is None:
+            return
+        part = next(p for p in self.system.parts.values() if p.element.kind.id == "knee_linkage")
+        rod = self.system.leader_of(part.element.ports["on"])
+        low, high = self._ends(vector, rod.number, linkage)
+        position = 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
+        if math.isnan(linkage.angle_at(position)):
+            length = linkage.c0 + linkage.half_stroke + position
+            shortest, longest = abs(linkage.a - linkage.b), linkage.a + linkage.b
+            raise InputError(
+                f"the links of '{part.name}' form no triangle: with the rod at {position * 1e3:.4g} "
+                f"mm the actuator is {length * 1e3:.4g} mm long, and they allow "
+                f"{shortest * 1e3:.4g} to {longest * 1e3:.4g} mm",
+                where=self.system.locate("elements", part.name),
+                hint="link_length is the length between the pins at the rod's position 0; with "
+                "link_c0 half the stroke (volume_a / area_a) is added to it",
+            )
 
     @property
     def changed_between_runs(self) -> tuple[str, ...]:
@@ -814,9 +838,9 @@ class NetworkPlant(Plant):
                 )
                 found[item.channel] = (low, high)
         if linkage is not None:
-            for channel in self.derived_channels:
-                half = linkage.half_stroke
-                found[channel] = (linkage.angle_at(-half), linkage.angle_at(half))
+            for channel, (node, _, _) in self.system.derived.items():
+                low, high = self._ends(vector, self.system.leader_of(node).number, linkage)
+                found[channel] = (linkage.angle_at(low), linkage.angle_at(high))
         return found
 
     def _ends(
@@ -831,7 +855,7 @@ class NetworkPlant(Plant):
                     self._value(vector, node, f"stroke_{end}") / ratio for end in ("low", "high")
                 )
                 return ends[0], ends[1]
-        if linkage is not None:
+        if linkage is not None and linkage.half_stroke > 0.0:
             return -linkage.half_stroke, linkage.half_stroke
         for part in system.parts.values():
             if (
@@ -868,12 +892,13 @@ class NetworkPlant(Plant):
         """Return the triangle of links that the rod moves a joint with, None for none."""
         for part in self.system.parts.values():
             if part.element.kind.id == "knee_linkage":
-                a, b, c0 = (
-                    self._value(vector, part.name, name) for name in ("link_a", "link_b", "link_c0")
-                )
+                a, b = (self._value(vector, part.name, name) for name in ("link_a", "link_b"))
+                if f"{part.name}.link_length" in self.system.slot_of:
+                    return Linkage(a, b, self._value(vector, part.name, "link_length"), 0.0)
                 cylinder = part.element.refers["cylinder"]
                 volume = self._value(vector, cylinder, "volume_a")
-                return Linkage(a, b, c0, volume / self._value(vector, cylinder, "area_a"))
+                half = volume / self._value(vector, cylinder, "area_a")
+                return Linkage(a, b, self._value(vector, part.name, "link_c0"), half)
         return None
 
     def behind(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:

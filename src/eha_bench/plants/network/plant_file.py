@@ -210,6 +210,15 @@ class _Parser:
                     where=self.locate(*keys),
                     hint=self._addition(kind, needed, tokens),
                 )
+        if kind.one_of and len(found := [one for one in kind.one_of if one in values]) != 1:
+            names = " or ".join(f"'{one}'" for one in kind.one_of)
+            raise InputError(
+                f"a {kind.id} needs {names}" + (", and not both" if found else ""),
+                where=self.locate(*keys),
+                hint="leave one of them out"
+                if found
+                else self._addition(kind, kind.one_of[0], tokens),
+            )
         return Element(name, kind, ports, values, refers)
 
     @staticmethod

@@ -170,7 +170,7 @@ class System:
 
     def __init__(self, network: Network, locate: Locate | None = None) -> None:
         self.network = network
-        self._locate = locate or (lambda *keys: Place(key=".".join(map(str, keys))))
+        self.locate = locate or (lambda *keys: Place(key=".".join(map(str, keys))))
         self.parts = {name: self._part(item) for name, item in network.elements.items()}
         self.laws: dict[Law, str] = {}
         self._followers()
@@ -209,7 +209,7 @@ class System:
             if key not in own:
                 raise InputError(
                     f"'{key}' does not go with what else '{element.name}' declares",
-                    where=self._locate("elements", element.name, key),
+                    where=self.locate("elements", element.name, key),
                     hint=f"it then has: {', '.join(sorted(own))}",
                 )
         kinds = [self.network.nodes[name].kind for name in element.ports.values()]
@@ -231,7 +231,7 @@ class System:
                     if node in ties:
                         raise InputError(
                             f"'{node}' follows two other nodes",
-                            where=self._locate("elements", part.name),
+                            where=self.locate("elements", part.name),
                             hint="a node behind a gear or a linkage follows one only",
                         )
                     ties[node] = part, item
@@ -250,7 +250,7 @@ class System:
                     raise InputError(
                         f"{' and '.join(chain)} follow one another in a loop: none has a motion of "
                         "its own",
-                        where=self._locate("elements", part.name),
+                        where=self.locate("elements", part.name),
                         hint="let one node with inertia lead",
                     )
                 chain.append(above)
@@ -315,33 +315,33 @@ class System:
                 if target not in found:
                     raise InputError(
                         f"there is no parameter '{target}'",
-                        where=self._locate("names", alias),
+                        where=self.locate("names", alias),
                         hint=suggest(target, found),
                     )
                 if target in self.slot_of:
                     raise InputError(
                         f"'{target}' has two names: {self.slot_of[target]} and {alias}",
-                        where=self._locate("names", alias),
+                        where=self.locate("names", alias),
                     )
                 item = found[target]
                 if first is not None and (item.unit, item.default) != (first.unit, first.default):
                     raise InputError(
                         f"'{targets[0]}' and '{target}' share the name '{alias}', but not their "
                         "value or unit",
-                        where=self._locate("names", alias),
+                        where=self.locate("names", alias),
                         hint="declare the same value for both",
                     )
                 first = first or item
                 self.slot_of[target] = alias
             if first is None:
-                raise InputError("names no parameter", where=self._locate("names", alias))
+                raise InputError("names no parameter", where=self.locate("names", alias))
             parameters.append(self._named_parameter(alias, first))
         for key, item in found.items():
             if key not in self.slot_of:
                 if key in self.network.names:
                     raise InputError(
                         f"'{key}' is the name of another parameter",
-                        where=self._locate("names", key),
+                        where=self.locate("names", key),
                     )
                 self.slot_of[key] = key
                 parameters.append(self._named_parameter(key, item))
@@ -349,7 +349,7 @@ class System:
             if key not in {item.name for item in parameters}:
                 raise InputError(
                     f"there is no parameter '{key}'",
-                    where=self._locate("assumed", key),
+                    where=self.locate("assumed", key),
                     hint=suggest(key, [item.name for item in parameters]),
                 )
         self.parameters = tuple(parameters)
@@ -376,7 +376,7 @@ class System:
             units.parse(raw, unit)
         except UnitError as error:
             raise InputError(
-                error.what, where=self._locate("elements", part.name, name), hint=error.hint
+                error.what, where=self.locate("elements", part.name, name), hint=error.hint
             ) from error
 
     def _named_parameter(self, key: str, item: Parameter) -> Parameter:
@@ -447,19 +447,19 @@ class System:
             if key is None:
                 raise InputError(
                     f"'{part.name}' needs '{loop.drives}': the element that it drives",
-                    where=self._locate("elements", part.name),
+                    where=self.locate("elements", part.name),
                 )
             driven = self.parts[key]
             if not driven.anatomy.commands:
                 raise InputError(
                     f"'{key}' takes no command",
-                    where=self._locate("elements", part.name, loop.drives),
+                    where=self.locate("elements", part.name, loop.drives),
                 )
             for other, _, also, _ in self.loops.values():
                 if also is driven:
                     raise InputError(
                         f"'{other.name}' and '{part.name}' both set the command of '{key}'",
-                        where=self._locate("elements", part.name, loop.drives),
+                        where=self.locate("elements", part.name, loop.drives),
                         hint="leave one of them out",
                     )
             self.loops[part.name] = part, loop, driven, driven.anatomy.commands[0]
@@ -467,7 +467,7 @@ class System:
     def _inputs(self) -> None:
         self.columns: list[PlantInput] = []
         for channel, item in self.network.inputs.items():
-            where = self._locate("inputs", channel)
+            where = self.locate("inputs", channel)
             if item.of in self.network.nodes:
                 held = False if item.held is None else item.held
                 key = f"{item.of}.pressure"
@@ -579,13 +579,37 @@ class System:
         for output in self.outputs:
             self._check_known("channels", output.channel, output.unit)
 
+    def refuse_underived(self) -> None:
+        """Refuse a channel behind a linkage that nothing says: it would be left out in silence.
+
+        Raises:
+            InputError: it is no angle, or no channel shows the rod that it follows from.
+        """
+        for channel, (node, quantity, _) in self.derived.items():
+            where = self.locate("channels", channel)
+            rod = self.leader_of(node)
+            if quantity != "angle":
+                raise InputError(
+                    f"the {quantity} of '{node}' cannot be shown: it is behind a linkage",
+                    where=where,
+                    hint=f"show its angle, and {rod.name}.velocity",
+                )
+            if not self.channel_showing(rod.position):
+                raise InputError(
+                    f"'{channel}' follows from the position of '{rod.name}', which no channel "
+                    "shows",
+                    where=where,
+                    hint=f"add a channel for it, e.g. piston_position: {rod.name}.position; where "
+                    "a log has the angle alone, its position is worked out from that",
+                )
+
     def _check_known(self, section: str, channel: str, unit: str) -> None:
         """Refuse a channel that eha_bench knows by this name, but as another quantity."""
         known = unit_of_channel(channel)
         if known not in ("", unit):
             raise InputError(
                 f"'{channel}' is a channel in {known}, but what it names here is in {unit or '1'}",
-                where=self._locate(section, channel),
+                where=self.locate(section, channel),
                 hint="give it another name",
             )
 
@@ -634,7 +658,7 @@ class System:
         if quantity not in own:
             raise InputError(
                 f"a {part.element.kind.id} has no '{quantity}'",
-                where=self._locate("channels", channel),
+                where=self.locate("channels", channel),
                 hint=f"it has: {', '.join(own)}" if own else "name a state of a node instead",
             )
         item = own[quantity]
@@ -656,7 +680,7 @@ class System:
                 raise InputError(
                     f"'{item.name}' has no inertia, and no channel shows its motion: nothing says "
                     "how it moves",
-                    where=self._locate("nodes", item.name),
+                    where=self.locate("nodes", item.name),
                     hint="give it an inertia (or mass), or a channel that is measured",
                 )
 
@@ -668,7 +692,7 @@ class System:
             if not self.oils(volume) and not self.compliances(volume):
                 raise InputError(
                     f"the volume '{volume.name}' holds no oil",
-                    where=self._locate("nodes", volume.name),
+                    where=self.locate("nodes", volume.name),
                     hint="give it a `volume`, or join a cylinder or an accumulator to it",
                 )
 
@@ -766,7 +790,7 @@ class System:
         if end is None:
             raise InputError(
                 f"'{part.name}' declares dead volumes, so the rod '{own}' needs a stroke",
-                where=self._locate("nodes", own),
+                where=self.locate("nodes", own),
                 hint="add `stroke: [low, high]` to the node",
             )
         return end
@@ -785,12 +809,12 @@ class System:
             if other is None:
                 raise InputError(
                     f"{what}an element that it does not name",
-                    where=self._locate("elements", part.name),
+                    where=self.locate("elements", part.name),
                     hint=f"name it: `{key}: ...`",
                 )
             raise InputError(
                 f"{what}'{other}', which is declared without it",
-                where=self._locate("elements", other),
+                where=self.locate("elements", other),
                 hint=f"declare '{other}' with `{needed}: ...`",
             )
 
