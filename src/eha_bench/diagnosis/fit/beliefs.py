@@ -17,6 +17,9 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import Model
 
+FAR = 3.0
+"""Multiple of what is given under `within` from which a value contradicts it."""
+
 
 @dataclass(frozen=True)
 class Belief:

@@ -10,16 +10,21 @@ doi:10.1016/j.automatica.2020.109158). A stretch that oscillates has a minimum f
 a simulation is ahead by: where a few windows hold most of what is left, a fit begins without them.
 Where that leaves much as well, starts are spread about the
 declared values: within what is believed of them, else by factors.
+
+Of two parameters whose sum alone is told clearly (a gap of a pump and the drains of its case) one
+may end at nothing and the other far above what is believed, where a curved valley is nearly level.
+So another fit begins where the best one ended, with what it took too far as it is believed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.fit.beliefs import FAR, contradicted
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
@@ -75,6 +80,25 @@ def best_fit_of_starts(
         problem: over long windows, prepared at the vector. vector: declared. free: what may move.
         watch: given every vector that is better than all before.
     """
+    found = _from_declared(problem, vector, free, watch)
+    off = contradicted(problem.beliefs, found.fit.vector, FAR)
+    if not off:
+        return found
+    back = found.fit.vector.copy()
+    for belief in off:
+        back[belief.at] = belief.value
+    fit = levenberg_marquardt(problem, back, free, iterations=6, refresh=1, tries=_PATIENCE)
+    if fit.cost >= found.fit.cost:
+        return replace(found, tried=found.tried + 1)
+    watch(fit.vector)
+    agreed = found.agreed if fit.cost > (1.0 - _SAME) * found.fit.cost else 0
+    return MultistartFit(fit, found.tried + 1, agreed + 1)
+
+
+def _from_declared(
+    problem: Problem, vector: FloatArray, free: Sequence[Free], watch: Watch
+) -> MultistartFit:
+    """Return the best fit that begins from declared values, and from starts spread about them."""
     vector = _undeclared_first(problem, vector, free)
     first = levenberg_marquardt(problem, vector, free, iterations=6, refresh=1, watch=watch)
     if not free or _mean_square(problem, first) < _WELL:

@@ -14,7 +14,7 @@ from math import exp, isfinite, isnan, log, sqrt
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.beliefs import contradicted
+from eha_bench.diagnosis.fit.beliefs import FAR, contradicted
 from eha_bench.diagnosis.fit.candidates import SheetNumber
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
@@ -34,8 +34,6 @@ from eha_bench.diagnosis.search.state import Accepted, Search
 
 _MOST = 0.5
 """Share of what is missing that an effect has to explain which bends a law that is declared."""
-_FAR = 3.0
-"""Multiple of what is given under `within` from which a value contradicts it."""
 _NEAR = 1.5
 """Multiple of it up to which a value agrees with it, but for noise."""
 _NOT_DISTINCT = (
@@ -77,7 +75,7 @@ def _dropped(search: Search) -> list[Refusal]:
         if (
             not reason
             and len(search.effects) > 1
-            and contradicted(search.problem.beliefs, search.fit.vector, _FAR)
+            and contradicted(search.problem.beliefs, search.fit.vector, FAR)
         ):
             refit = refit or without(search, item)
             reason = _takes_from_belief(search, refit)
@@ -176,7 +174,7 @@ def _beyond_belief(search: Search, item: Accepted, vector: FloatArray) -> str:
     layout = problem.plant.layout
     effect = layout.effect(item.start.candidate)
     needed = effect.needed(layout.choice_values(effect, vector))
-    for belief in contradicted(problem.beliefs, vector, _FAR):
+    for belief in contradicted(problem.beliefs, vector, FAR):
         if belief.key == needed:
             now, unit = float(vector[belief.at]), layout.units_at(vector)[belief.key]
             return (
@@ -299,7 +297,7 @@ def _takes_from_belief(search: Search, refit: Fit) -> str:
     """
     beliefs = search.problem.beliefs
     free = {belief.key for belief in contradicted(beliefs, refit.vector, _NEAR)}
-    for belief in contradicted(beliefs, search.fit.vector, _FAR):
+    for belief in contradicted(beliefs, search.fit.vector, FAR):
         if belief.key not in free:
             unit = search.problem.plant.layout.units_at(search.fit.vector)[belief.key]
             now, then = (float(fit.vector[belief.at]) for fit in (search.fit, refit))
