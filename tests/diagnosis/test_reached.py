@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from slide_plant import slide
 
 from eha_bench.diagnosis.data.measured import Measured
+from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.least_squares import free_parameters
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.reached import reached_bounds
@@ -43,7 +44,7 @@ def measured(pressure_a, pressure_b, valid=None):
     )  # fmt: skip
 
 
-def vector_with(layout, route, setting=20e6):
+def vector_with(layout, route, setting=15e6):
     vector = np.zeros(layout.size)
     vector[layout.index["relief_valve.route"]] = route
     vector[layout.index["relief_valve.setting"]] = setting
@@ -59,8 +60,37 @@ def test_it_depends_on_where_the_oil_goes(layout, route, least):
     (free,) = free_parameters(places, ["relief_valve.setting"], vector)
     assert free.low == pytest.approx(least, rel=2e-3)
     assert places.permits(vector, ["relief_valve.setting"])
-    below = vector_with(layout, route, 0.9 * least)
-    assert not places.permits(below, ["relief_valve.setting", "relief_valve.valve_conductance"])
+    keys = ["relief_valve.setting", "relief_valve.valve_conductance"]
+    assert not places.permits(vector_with(layout, route, 0.9 * least), keys)
+    # what is never reached never opens
+    highest = 20e6 if route == TANK else 19e6
+    assert free.high == pytest.approx(highest)
+    assert not places.permits(vector_with(layout, route, 1.1 * highest), keys)
+
+
+@pytest.mark.parametrize("highest", [3e6, 30e6])
+def test_a_valve_of_any_machine_has_settings_to_begin_from(layout, highest):
+    """A machine that works at 20 bar has a valve of 24."""
+    # a peak now and then: it is shut most of the time
+    peaks = highest * np.maximum(0.0, np.sin(np.linspace(0.0, 40.0, 4001))) ** 6
+    places = Places(layout, reached=reached_bounds(layout, [measured(peaks, np.zeros(4001))]))
+    starts = [one for one in all_starts(layout, layout.defaults(), [], ())
+              if one.candidate == "relief_valve"]  # fmt: skip
+    at = layout.index["relief_valve.setting"]
+    begun = [
+        dict(one.settings)[at]
+        for one in starts
+        if places.permits(one.apply(layout.defaults()), one.keys)
+    ]
+    assert 0.1 * highest <= min(begun) < 0.13 * highest
+    assert 0.85 * highest < max(begun) < highest
+    assert 10 <= len(set(begun)) <= 20
+
+
+def test_a_tenth_of_the_highest_pressure_is_a_leak(layout):
+    rare = np.where(np.arange(2001) % 20 == 0, 20e6, 0.1e6)
+    (found,) = settings(layout, measured(rare, np.zeros(2001)))
+    assert found.at(vector_with(layout, TANK)) == pytest.approx((2e6, 20e6))
 
 
 def settings(layout, run):

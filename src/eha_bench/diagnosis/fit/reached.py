@@ -2,7 +2,8 @@
 
 A valve that is open most of the time is a leak with another name: above its setting, a relief valve
 that drains to a tank is a leak that drains to a vessel of that pressure, and no recording tells the
-two apart. So a setting is no lower than what is reached half of the time.
+two apart. So a setting is no lower than what is reached half of the time, nor than a tenth of the
+highest. One above the highest never opens.
 
 A friction that is still falling at the fastest speed is a curve like any other: with a viscous
 friction beside it, it is as good as a drag that grows with the square of the speed. So the speed by
@@ -28,6 +29,8 @@ from eha_bench.plants.layout import Layout
 
 _SAMPLES = 2000
 """Samples that a median is taken over, evenly spread."""
+_LOWEST = 0.1
+"""Least setting, as a share of the highest pressure."""
 _FADED = 1.0 / 5.0
 """Largest speed by which something falls, as a share of the fastest."""
 _STRETCHES = (0.02, 0.05, 0.1, 0.2, 0.5)
@@ -77,11 +80,21 @@ def _settings(layout: Layout, runs: Iterable[Measured]) -> Iterable[ReachedBound
     if not pairs:
         return ()
     pressures = np.concatenate(pairs)
+    a, b = pressures.T
+    highest = pressures[[int(np.argmax(values)) for values in (a, b, a - b, b - a)]]
     pressures = pressures[:: max(1, len(pressures) // _SAMPLES)]
-    return tuple(_least(layout, effect, pressures) for effect in opening)
+    return tuple(_shut_and_open(layout, effect, pressures, highest) for effect in opening)
 
 
-def _least(layout: Layout, effect: BoundEffect, pressures: FloatArray) -> ReachedBounds:
+def _shut_and_open(
+    layout: Layout, effect: BoundEffect, pressures: FloatArray, highest: FloatArray
+) -> ReachedBounds:
+    """Return the bounds of a setting that is reached, but not most of the time.
+
+    Args:
+        layout: of the plant. effect: what opens. pressures: of both chambers, (n, 2) Pa.
+        highest: where one of them, or their difference, is the highest, (k, 2) Pa.
+    """
     opening = effect.action.opens
     assert opening is not None
     names = [name for name in inspect.signature(opening.reached).parameters
@@ -91,7 +104,8 @@ def _least(layout: Layout, effect: BoundEffect, pressures: FloatArray) -> Reache
     for chosen in product(*words):
         values = tuple(map(float, chosen))
         reached = [opening.reached(p_a, p_b, *values) for p_a, p_b in pressures.tolist()]
-        bounds[values] = float(np.median(reached)), np.inf
+        most = max(opening.reached(p_a, p_b, *values) for p_a, p_b in highest.tolist())
+        bounds[values] = max(float(np.median(reached)), _LOWEST * most), most
     places = tuple(layout.index[f"{effect.id}.{name}"] for name in names)
     return ReachedBounds(f"{effect.id}.{opening.setting}", places, bounds)
 
