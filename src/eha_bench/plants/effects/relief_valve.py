@@ -11,7 +11,8 @@ drained, the higher pressure alone; then as much flows as if that were the drop,
 The valve's own motion is fast against the chambers' and is left out. A relief
 valve opens far above what a machine works at, and then lets a pump's whole flow out within some
 bar: a setting of a tenth of the highest pressure, or one that the pressure is above half of the
-time, is a leak's. Near that one it yields to `external_leakage`, where that explains nearly as much.
+time, is a leak's. Near that one it yields to `external_leakage`, where that explains nearly as
+much.
 
 Source: Merritt, Hydraulic Control Systems, Wiley 1967; Yang et al. 2023, Section 2.
 """
