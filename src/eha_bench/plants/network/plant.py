@@ -177,8 +177,8 @@ class NetworkPlant(Plant):
             shortest, longest = abs(linkage.a - linkage.b), linkage.a + linkage.b
             raise InputError(
                 f"the links of '{part.name}' form no triangle: with the rod at "
-                f"{position * 1e3:.4g} mm the actuator is {length * 1e3:.4g} mm long, and they allow "
-                f"{shortest * 1e3:.4g} to {longest * 1e3:.4g} mm",
+                f"{position * 1e3:.4g} mm the actuator is {length * 1e3:.4g} mm long, and they "
+                f"allow {shortest * 1e3:.4g} to {longest * 1e3:.4g} mm",
                 where=self.system.locate("elements", part.name),
                 hint="link_length is the length between the pins at the rod's position 0; with "
                 "link_c0 half the stroke (volume_a / area_a) is added to it",
