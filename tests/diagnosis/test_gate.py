@@ -166,6 +166,29 @@ def test_a_run_breaks_at_gaps_through_which_an_input_took_an_unknown_way():
         assert len(found.breaks) == breaks
 
 
+def _held_up(every: int, gap: int) -> Recording:
+    """A log at 500 Hz whose controller is held up again and again while its command moves."""
+    whole = recording(current_command=np.sin(0.01 * np.arange(2000)))
+    kept = np.arange(2000) % every < every - gap
+    return Recording(
+        2.0 * whole.time[kept], {name: own[kept] for name, own in whole.values.items()}
+    )
+
+
+def test_gaps_that_come_too_often_cut_no_windows():
+    """Seven rows and a pause: windows of 14 ms show nothing that is slow."""
+    reading = _held_up(every=13, gap=6)
+    found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+    assert found.breaks == ()
+    assert any("gaps come every 0.026 s, so windows go on" in str(note) for note in found.notes)
+
+
+def test_long_gaps_cut_windows_however_often_they_come():
+    reading = _held_up(every=40, gap=30)
+    found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+    assert len(found.breaks) == 49
+
+
 def test_a_start_after_a_gap_knows_nothing_of_before():
     speed = np.where(np.arange(2000) < 1000, 0.0, 50.0)
     reading = _with_gaps(current_command=np.repeat([1.0, 2.0], 1000), motor_speed=speed)

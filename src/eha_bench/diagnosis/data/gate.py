@@ -31,6 +31,10 @@ from eha_bench.diagnosis.data.ticks import Sampled
 from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
 from eha_bench.plants.channel_roles import ChannelRoles
 
+_LONG_GAP = 0.05
+"""Gap in time behind which windows always begin anew, s."""
+_OFTEN, _FEWEST = 5, 25
+"""So many shorter gaps, with fewer samples than that from one to the next, do not cut windows."""
 _RESTS = 3
 """Samples on either side of a gap that show whether an input rests there."""
 SAME = 1e-3
@@ -134,8 +138,9 @@ def admit(
     if not names and strict:
         own = [name for name in outputs if name not in driven.values and name not in held]
         raise _nothing_compared(own, recording, where)
-    breaks = {*_clock(run, time, driven.values, driven.missing, notes)}
-    breaks |= {int(k) for item in driven.unsure.values() for k in item.anew if k < time.size}
+    long, short = _clock(run, time, driven.values, driven.missing, notes)
+    short |= {int(k) for item in driven.unsure.values() for k in item.anew if k < time.size}
+    breaks = _far_apart(run, time, long, short, notes)
     return Measured(
         run,
         time,
@@ -143,7 +148,7 @@ def admit(
         tuple(names),
         np.column_stack(columns) if columns else np.zeros((time.size, 0)),
         np.column_stack(masks) if masks else np.zeros((time.size, 0), dtype=np.bool_),
-        tuple(sorted(breaks)),
+        breaks,
         tuple(notes),
         held,
         unmoved,
@@ -332,11 +337,14 @@ def _clock(
     inputs: Mapping[str, FloatArray],
     missing: BoolArray,
     notes: list[Note],
-) -> tuple[int, ...]:
-    """Say what is wrong with the clock; return ticks after which inputs were unknown for long."""
+) -> tuple[set[int], set[int]]:
+    """Say what is wrong with the clock; return ticks behind which inputs were unknown.
+
+    Those behind long gaps, and those behind short ones.
+    """
     steps = np.diff(time)
     if not steps.size:
-        return ()
+        return set(), set()
     usual = float(np.median(steps))
     jumps = np.flatnonzero(steps > 5.0 * usual) + 1
     if jumps.size:
@@ -358,8 +366,33 @@ def _clock(
             )
         )
     holes = _long_holes(missing, time, 10.0 * usual)
-    telling = [k for k in map(int, jumps) if steps[k - 1] > 0.05 or not _held_across(inputs, k)]
-    return tuple(sorted({*telling, *holes}))
+    long = {k for k in map(int, jumps) if steps[k - 1] > _LONG_GAP}
+    short = {k for k in map(int, jumps) if k not in long and not _held_across(inputs, k)}
+    return {*long, *holes}, short
+
+
+def _far_apart(
+    run: Run, time: FloatArray, long: set[int], short: set[int], notes: list[Note]
+) -> tuple[int, ...]:
+    """Return the ticks at which windows begin anew: behind gaps, unless these come too often.
+
+    A controller that is held up for some milliseconds again and again leaves windows in which
+    nothing slow shows: these go on, with the command in between as its neighbours say.
+    """
+    breaks = np.array(sorted(long | short), dtype=np.intp)
+    if breaks.size < _OFTEN or not short:
+        return tuple(breaks.tolist())
+    if np.median(np.diff(breaks)) >= _FEWEST:
+        return tuple(breaks.tolist())
+    notes.append(
+        Note(
+            "{run}: gaps come every {apart:.3g} s, so windows go on through them, with the inputs "
+            "as their neighbours say",
+            run=run.name,
+            apart=float(np.median(np.diff(time[breaks]))),
+        )
+    )
+    return tuple(sorted(long))
 
 
 def _held_across(inputs: Mapping[str, FloatArray], k: int) -> bool:
