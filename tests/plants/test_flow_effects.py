@@ -14,6 +14,8 @@ from eha_bench.plants.effects import (
     turbulent_leakage,
     widening_leakage,
 )
+from eha_bench.plants.network.file import load_plant
+from eha_bench.plants.plant import Drive
 
 BETA, VOLUME = 9e8, 1.2535e-5
 
@@ -144,6 +146,44 @@ def test_relief_valve_with_a_drained_spring_is_opened_by_the_higher_pressure(
     np.testing.assert_allclose(got["pressure_b"], 5e6 + out, rtol=2e-3)
     by_difference = _resting(bare_knee, time, [effect("relief_valve", **ports)], 12e6, 5e6)
     np.testing.assert_allclose(by_difference["pressure_a"], 12e6, rtol=1e-12)
+
+
+ONE_LINE = """\
+plant: press
+nodes:
+  shaft: {kind: rotation, inertia: 1e-4 kg*m^2}
+  cap:   {kind: volume, bulk_modulus: 1 GPa, volume: 20 cm^3}
+  tank:  {kind: reservoir, pressure: 0 bar}
+  rod:   {kind: translation, mass: 20 kg}
+elements:
+  motor: {kind: motor, on: shaft, torque_constant: 0.1 N*m/A}
+  pump:  {kind: pump, on: shaft, from: tank, to: cap, displacement: 1 cm^3/rev}
+  ram:   {kind: cylinder, on: rod, a: cap, b: tank, area_a: 8 cm^2, area_b: 6 cm^2,
+          volume_a: 50 cm^3, volume_b: 50 cm^3}
+  seals: {kind: friction, on: rod, viscous: 500 N*s/m}
+inputs:   {current_command: motor.current}
+channels: {motor_speed: shaft.speed, pressure: cap.pressure, piston_velocity: rod.velocity}
+"""
+
+
+@pytest.mark.slow  # compiles a kernel
+def test_a_relief_valve_drains_the_only_line_under_pressure(tmp_path) -> None:
+    """With all at rest the pressure falls to the setting as through a conductance."""
+    (tmp_path / "plant.yaml").write_text(ONE_LINE)
+    plant = load_plant(tmp_path / "plant.yaml")
+    declared = plant.layout.effect("relief_valve")
+    assert (declared.role, declared.places) == ("chamber", ("cap",))
+    vector = plant.layout.defaults()
+    vector[plant.layout.index["relief_valve.valve_conductance"]] = 1e-10
+    vector[plant.layout.index["relief_valve.setting"]] = 2e6
+    time = np.arange(0.0, 0.02, 1e-4)
+    still = dict.fromkeys(("motor_speed", "piston_velocity"), np.zeros(time.size))
+    for start in (1.5e6, 3e6):
+        out = plant.at(vector).simulate(Drive(time, still), {"pressure": start}, 2e-5)
+        pressure = out[:, plant.outputs.index("pressure")]
+        # 20 cm^3 beside the 50 of the chamber
+        over = max(start - 2e6, 0.0) * np.exp(-1e-10 * 1e9 / 70e-6 * time)
+        np.testing.assert_allclose(pressure, min(start, 2e6) + over, rtol=2e-3)
 
 
 @given(

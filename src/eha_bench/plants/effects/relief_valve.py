@@ -8,6 +8,9 @@ drained, the higher pressure alone; then as much flows as if that were the drop,
 
     q = G max(0, min(p - p_r, p - p_other))
 
+Where a machine has one line under pressure, and the other side of its cylinder is a reservoir, the
+valve lets that line's oil out.
+
 The valve's own motion is fast against the chambers' and is left out. A relief
 valve opens far above what a machine works at, and then lets a pump's whole flow out within some
 bar: a setting of a tenth of the highest pressure, or one that the pressure is above half of the
@@ -87,6 +90,16 @@ def slope_ab(value: float, p_a: float, p_b: float, own: Valve) -> float:
     return value + own.valve_conductance if is_open else value
 
 
+def out_of_line(flow: float, pressure: float, valve_conductance: float, setting: float) -> float:
+    """Return the flow into the only line under pressure less what the valve lets out, m^3/s."""
+    return flow - valve_conductance * max(0.0, pressure - setting)
+
+
+def slope_of_line(value: float, pressure: float, valve_conductance: float, setting: float) -> float:
+    """Return the conductance from that line to the reservoir, m^3/(s*Pa)."""
+    return value + valve_conductance if pressure > setting else value
+
+
 def limited_pressure(p_a: float, p_b: float, route: float, opened_by: float) -> float:
     """Return the pressure that the setting is held against, Pa."""
     if route == _TANK or opened_by != _DIFFERENCE:
@@ -100,10 +113,10 @@ EFFECT = Effect(
     parameters=(
         Parameter("valve_conductance", "m^3/(s*Pa)", 1e-12, 0.0, 1e-7, "G"),
         Parameter("setting", "Pa", 20e6, 2e5, 1e8, "p_r"),
-        choice("route", ("tank", "ports"), "where the oil goes"),
+        choice("route", ("tank", "ports"), "where the oil goes", of_role="chambers"),
         choice(
             "opened_by", ("difference", "pressure"), "what opens it between the ports",
-            refines=True,
+            of_role="chambers", refines=True,
         ),
     ),
     actions={
@@ -116,7 +129,8 @@ EFFECT = Effect(
                 "link": slope_ab,
             },
             opens=Opening("setting", limited_pressure),
-        )
+        ),
+        "chamber": Action({"inflow": out_of_line, "ground": slope_of_line}),
     },
     source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="raise the pressure slowly with the piston locked until it stops rising",
