@@ -28,6 +28,7 @@ from eha_bench.diagnosis.outcome.honest import (
 from eha_bench.diagnosis.outcome.led_commands import with_led_commands
 from eha_bench.diagnosis.outcome.misplaced_columns import misplaced_column
 from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
+from eha_bench.diagnosis.outcome.only_a_mean import only_a_mean
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
 from eha_bench.diagnosis.outcome.rare_stretches import note_of_rare_stretches
 from eha_bench.diagnosis.outcome.refusal import Refusal
@@ -92,22 +93,15 @@ class Conclusion:
         except KeyboardInterrupt:
             self.decision = self._decision_so_far()
             return self._if_it_stands(self._assemble(complete=False))
-        found = self._assemble(complete=True)
+        found = self._what_stands(self._assemble(complete=True), asked, workers)
         limits = self.search.thresholds
-        while (
-            found.complete
-            and found.verdict is Verdict.EFFECT
-            and (against := against_the_end(self.search, found)) is not None
-        ):
-            found = self._without_effect(against)
         if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN and self.search.is_unexplained:
             found = self._with_misplaced_column(self._with_rare_stretches(found))
             self.found = found = self._with_worst_range(self._with_differing_runs(found))
         if found.complete and found.verdict is Verdict.EFFECT and self.search.is_unexplained:
-            left = self._with_remainder(found, asked, workers)
-            self.found = found = self._with_worst_range(left)
+            self.found = found = self._with_worst_range(found)
         if found.complete and (why := beyond_training(found, limits)):
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
@@ -228,8 +222,24 @@ class Conclusion:
             found = replace(found, unknown=unknown)
         return found.with_note(differing.note)
 
+    def _what_stands(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
+        """Take out what the end speaks against, one after the other; say what remains beside."""
+        while found.complete and found.verdict is Verdict.EFFECT:
+            if (against := against_the_end(self.search, found)) is not None:
+                found = self._without_effect(against)
+                continue
+            found = self._with_remainder(found, asked, workers)
+            left = found.remainder
+            mean = only_a_mean(self.search, left) if left is not None else None
+            if mean is None:
+                break
+            found = self._without_mean(mean, asked, workers)
+        return found
+
     def _with_remainder(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
-        """Say what remains beside the effects, and where it acts."""
+        """Say what remains beside the effects, where more than noise does, and where it acts."""
+        if not self.search.is_unexplained:
+            return found
         self.stage = "locate"
         places = [(item.id, item.equation, item.at) for item in found.effects]
         try:
@@ -244,7 +254,21 @@ class Conclusion:
             item.without_intervals if item.id in left.found_there else item
             for item in found.effects
         )
-        return replace(found, effects=effects, remainder=left).with_note(left.note)
+        self.found = replace(found, effects=effects, remainder=left).with_note(left.note)
+        return self.found
+
+    def _without_mean(self, against: Refusal, asked: Interruption, workers: Workers) -> Diagnosis:
+        """Decide again without a constant that is only the mean of what follows a variable."""
+        self.stage = "decide"
+        try:
+            with checkpoints(asked), fits_by(workers):
+                drop(self.search, against.item, without(self.search, against.item))
+                self.refused += [against, *prune(self.search)]
+                self.decision = self._verdict()
+        except KeyboardInterrupt:
+            note = f"interrupted where {against.note}"
+            return replace(self.found.with_note(note), complete=False)
+        return self._assemble(complete=True)
 
     def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Fit what these data cannot tell from what was found."""
