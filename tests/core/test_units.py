@@ -30,6 +30,9 @@ from eha_bench.core.units import (
         ("  15   MPa ", "Pa", 15e6),
         ("-1.5e-3 m", "m", -1.5e-3),
         ("2400 rpm", "rad/s", 2400 * 2 * math.pi / 60),
+        ("2400 r/min", "rad/s", 2400 * 2 * math.pi / 60),
+        ("2400 U/min", "rad/s", 2400 * 2 * math.pi / 60),
+        ("60 1/min", "1/s", 1.0),
         ("50 deg", "rad", math.radians(50)),
         ("50 °", "rad", math.radians(50)),
         ("6.7 Hz", "Hz", 6.7),
@@ -68,6 +71,14 @@ def test_quantity_becomes_si(text: str | float, si: str, value: float) -> None:
 def test_wrong_dimension_is_refused(text: str, si: str) -> None:
     with pytest.raises(UnitError, match="wrong dimension"):
         parse(text, si)
+
+
+@pytest.mark.parametrize("unit", ["1/min", "1 / min", "min^-1", "min**-1", "min-1", "min⁻¹"])
+def test_per_minute_is_no_speed(unit: str) -> None:
+    """Drives mean revolutions by it; read as radians a speed is a sixth of what it is."""
+    with pytest.raises(UnitError, match=r"revolutions or radians; write rpm") as found:
+        parse(f"1200 {unit}", "rad/s")
+    assert unit in str(found.value)
 
 
 @pytest.mark.parametrize(

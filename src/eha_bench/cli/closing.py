@@ -13,6 +13,7 @@ from eha_bench.cli.completion import complete_models
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
 from eha_bench.cli.terminal import columns
 from eha_bench.core.errors import BUG
+from eha_bench.core.note import Note, merged_notes
 
 if TYPE_CHECKING:
     from eha_bench.diagnosis.fit.uncertainty import Estimate
@@ -46,7 +47,7 @@ def predict(
 
     with TerminalProgress() as bar:
         found = simulate(dataset, model or None, out, progress=_stages(bar))
-    for note in (note for item in found for note in item.notes):
+    for note in _notes_of(found):
         say(note)
     say(f"{len(found)} runs simulated")
     for cells in columns([*_prediction_rows(found)], right=(2,)):
@@ -55,6 +56,13 @@ def predict(
         typer.echo((out / SUMMARY).read_text(encoding="utf-8"), nl=False)
     else:
         typer.echo(str(out))
+
+
+def _notes_of(found: Sequence[Prediction]) -> tuple[str, ...]:
+    """Return the notes of all runs, those that differ in the run, or in numbers, as one."""
+    notes = [note for item in found for note in item.notes]
+    own = [note for note in notes if isinstance(note, Note) and "run" in note.values]
+    return (*merged_notes(own), *dict.fromkeys(note for note in notes if note not in own))
 
 
 def _prediction_rows(found: Sequence[Prediction]) -> Iterator[tuple[str, str, str]]:

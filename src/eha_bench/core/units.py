@@ -33,6 +33,9 @@ _POWER = re.compile(r"(?:\*\*|\^)[\s(+-]*\d{2}|\d\s*\)?\s*(?:\*\*|\^)")
 # 0.105 Hz, and 50 deg an overshoot. Where the product's own units could be confused, the exponent
 # of the angle has to be this one.
 _ANGLE = {"": 0, "rad": 1, "Hz": 0}
+_TURNS = {"r/min": "rpm", "U/min": "rpm"}
+"""Revolutions a minute as drives and data sheets write them, of which Pint knows another unit."""
+_PER_MINUTE = re.compile(r"1\s*/\s*min|min\s*(\^|\*\*)?\s*\(?-1\)?|min⁻¹")
 
 
 @cache
@@ -56,6 +59,11 @@ def factor_and_offset(unit: str, si_unit: str) -> tuple[float, float]:
     common = COMMON.get(unit)
     if common is not None and common[0] == si_unit:
         return common[1:]
+    if si_unit == "rad/s" and _PER_MINUTE.fullmatch(unit):
+        raise UnitError(
+            f"'{unit}' does not say whether it counts revolutions or radians",
+            hint="write rpm for revolutions a minute, or rad/min",
+        )
     registry = _registry()
     try:
         target = _parsed(si_unit, "")
@@ -78,7 +86,7 @@ def _parsed(unit: str, hint: str) -> Any:
     if not _UNIT.fullmatch(unit) or _POWER.search(unit):
         raise UnitError(f"'{unit}' is not a unit", hint=hint)
     try:
-        return _registry().Unit(unit.replace("%", "percent") or "dimensionless")
+        return _registry().Unit(_TURNS.get(unit, unit).replace("%", "percent") or "dimensionless")
     except (pint.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
         raise UnitError(f"unknown unit '{unit}'", hint=hint) from error
     except Exception as error:  # pint's tokenizer lets errors of Python's own parser through

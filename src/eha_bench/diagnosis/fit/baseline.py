@@ -22,6 +22,7 @@ from eha_bench.diagnosis.data.onset import topics_from_onset
 from eha_bench.diagnosis.data.quiet import quiet_stretches, with_colours, with_noise_colour
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.ticks import on_ticks
+from eha_bench.diagnosis.data.unused_inputs import unused_inputs
 from eha_bench.diagnosis.data.windows import (
     Window,
     cut_windows,
@@ -121,12 +122,13 @@ def gather(
     compared = dataset.determined(plant)
     measured: list[Measured] = []
     unread: list[RecordingError] = []
-    runs, recordings = [], []
+    runs, recordings, unused = [], [], list[Note]()
     for run in with_own(plant.layout, dataset.training, dataset.model.per_run):
         try:
             topics = topics_from_onset(run, dataset.inputs, compared, plant.roles)
             recordings.append(on_ticks(topics, dataset.inputs, compared))
             runs.append(run)
+            unused += unused_inputs(run, topics, dataset.inputs, plant)
         except RecordingError as error:
             unread.append(error)
     restful = restful_channels(
@@ -166,6 +168,7 @@ def gather(
         noise,
         (
             *notes,
+            *merged_notes(unused),
             *_notes_of_time(measured),
             *_notes_of_constant_inputs(measured, plant.units),
             *_noise_notes(measured, plant.units),

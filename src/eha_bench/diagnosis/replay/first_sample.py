@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eha_bench.core.note import of_run
 from eha_bench.diagnosis.data.first_rates import first_rates
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.noise import noise_of
@@ -104,7 +105,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
         notes.append(
             f"the log does not hold the start values of all states; assumed: {', '.join(assumed)}"
         )
-    return FirstSample(state, tuple(f"{measured.run.name}: {note}" for note in notes))
+    return FirstSample(state, tuple(of_run(measured.run.name, note) for note in notes))
 
 
 def _trusted_readings(measured: Measured) -> dict[str, float]:

@@ -17,12 +17,14 @@ from eha_bench.core.extras import require
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.output_folder import writable
 from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.beyond_ends import beyond_ends
 from eha_bench.diagnosis.data.dataset import Dataset, Run, load_dataset
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.measured import Measured, pooled_noise
 from eha_bench.diagnosis.data.onset import topics_from_onset
 from eha_bench.diagnosis.data.pauses import parted_at_pauses
 from eha_bench.diagnosis.data.ticks import nearest, on_ticks
+from eha_bench.diagnosis.data.unused_inputs import unused_inputs
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.problem import Problem
@@ -301,7 +303,12 @@ def _prediction_of(
     # of one topic, ticks with rows that were lost or put in before the first
     if sampled.is_of_several or len(sampled.recording) != len(recording):
         columns = _at_stamps(columns, sampled.recording, recording)
-    notes = measured.notes + start.notes
+    notes = (
+        *unused_inputs(run, topics, inputs, plant),
+        *measured.notes,
+        *beyond_ends([measured], plant.position_range(model.vector()), plant.units),
+        *start.notes,
+    )
     if _anchors(measured, model, start.state, STEP) and measured.turning:
         speed = measured.turning.channel
         notes += (
