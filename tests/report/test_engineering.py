@@ -54,6 +54,20 @@ def test_quantity(value: float, si: str, metric: str, written: str, text: str) -
     assert quantity(value, si, metric=metric, written=written).replace("\u00a0", " ") == text
 
 
+@pytest.mark.parametrize(
+    ("spread", "text"),
+    [
+        (3e-11, "3.4512e−7 m³/(s·Pa^0.5)"),
+        (3e-9, "3.451e−7 m³/(s·Pa^0.5)"),
+        (math.nan, "3.45e−7 m³/(s·Pa^0.5)"),
+    ],
+)
+def test_a_small_number_has_the_digits_that_its_interval_asks_for(spread: float, text: str) -> None:
+    """An interval of 3.45e-7 to 3.45e-7 says nothing."""
+    shown = quantity(3.4512e-7, "m^3/(s*Pa^0.5)", spread=spread)
+    assert shown.replace("\u00a0", " ") == text
+
+
 @given(st.floats(-1e300, 1e300))
 def test_a_number_reads_back_to_three_digits(value: float) -> None:
     assert float(number(value).replace("−", "-")) == pytest.approx(value, rel=6e-3)

@@ -94,11 +94,7 @@ def calibrate(
     estimates = dict(found.parameters)
     for run, own in found.per_run.items():
         estimates |= {f"{name} in {run}": item for name, item in own.items()}
-    why = no_interval(found.convergence)
-    for cells in columns(
-        [(name, *_estimate(name, item, why)) for name, item in estimates.items()], right=(1,)
-    ):
-        say("  ".join(cells).rstrip())
+    _say_estimates(estimates, no_interval(found.convergence))
     for direction in found.undetermined:
         say(f"not identifiable: {direction}")
     models = ("declared", "calibrated")
@@ -157,8 +153,9 @@ def _leave_if_failed(failed: FailedStage | None, out: Path) -> None:
 
 def _say_verdict(found: Diagnosis) -> None:
     """Print verdict, causes and the held-out error before and after."""
+    from eha_bench.diagnosis.outcome.diagnosis import Verdict
     from eha_bench.plants.effect import EVERYWHERE
-    from eha_bench.report.diagnosis_text import declared_wrongly, no_interval_of
+    from eha_bench.report.diagnosis_text import declared_wrongly, no_interval, no_interval_of
 
     say(f"verdict: {found.verdict.value}{_unfinished_note(found)}")
     for clause in declared_wrongly(found):
@@ -184,6 +181,9 @@ def _say_verdict(found: Diagnosis) -> None:
         )
     elif found.unknown:
         say(f"  {found.unknown.description}")
+    if found.verdict is Verdict.NONE and found.calibrated:
+        say("  calibrated")
+        _say_estimates(found.calibrated, no_interval(found.convergence), indent="    ")
     for group in found.equivalent:
         say(f"  these data do not distinguish: {', '.join(group)}")
     _say_errors(found.holdout, "held-out")
@@ -212,6 +212,13 @@ def _say_errors(
     ]
     for cells in columns([heading, *rows], right=(1, 2, 3)):
         say("  ".join(cells).replace("\N{NO-BREAK SPACE}", " "))
+
+
+def _say_estimates(estimates: Mapping[str, Estimate], why: str, indent: str = "") -> None:
+    """Print each value with its interval, or why there is none."""
+    rows = [(indent + name, *_estimate(name, item, why)) for name, item in estimates.items()]
+    for cells in columns(rows, right=(1,)):
+        say("  ".join(cells).rstrip())
 
 
 def _estimate(name: str, item: Estimate, why: str = "") -> tuple[str, str]:

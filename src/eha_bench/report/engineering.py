@@ -214,7 +214,9 @@ def decimals_for(value: float, spread: float = math.nan) -> int:
         return 0
     by_value = SIGNIFICANT_DIGITS - 1 - _exponent(value)
     if math.isfinite(spread) and spread > 0.0:
-        return max(0, min(by_value + 1, 1 - _exponent(spread), 9))
+        # a mantissa has as many digits, however small the power of ten
+        most = 9 if abs(value) >= SMALL else math.inf
+        return int(max(0, min(by_value + 1, 1 - _exponent(spread), most)))
     return max(0, min(by_value, 9))
 
 
@@ -224,6 +226,8 @@ def _exponent(value: float) -> int:
 
 LARGE: Final = 1e7
 """From here on numbers are written with powers of ten."""
+SMALL: Final = 0.5e-6
+"""Below it they are, too."""
 
 
 def number(value: float, decimals: int | None = None, *, sign: bool = False) -> str:
@@ -234,7 +238,8 @@ def number(value: float, decimals: int | None = None, *, sign: bool = False) -> 
         return (_MINUS if value < 0 else "") + "∞"
     places = decimals_for(value) if decimals is None else decimals
     if value and (abs(value) >= LARGE or abs(value) < 0.5 * 10.0 ** -min(places, 6)):
-        text = power_of_ten(value, 2)
+        small = abs(value) < SMALL
+        text = power_of_ten(value, max(2, places + _exponent(value)) if small else 2)
     else:
         text = f"{value:.{places}f}"
         if float(text) == 0.0:
