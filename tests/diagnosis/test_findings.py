@@ -26,7 +26,7 @@ from eha_bench.diagnosis.outcome.findings import (
     lateness_note,
     own_estimates,
 )
-from eha_bench.diagnosis.search.state import RankedCandidate, Search
+from eha_bench.diagnosis.search.state import RankedCandidate, Refit, Search
 
 MASS, FRICTION, LAG = "mass", "coulomb_friction", "current_lag"
 TRUTH = {MASS: 97.0, "coulomb_friction.friction_force": 7.0, "current_lag.time_constant": 0.004}
@@ -91,6 +91,24 @@ def test_notes_are_those_of_the_gate_then_of_the_decision() -> None:
     assert notes[0] == "of the gate"
     assert notes[1] == "voltage_limit is only assumed in the model; the data ask for 1000 V"
     assert notes[2] == "of the decision"
+
+
+@pytest.mark.parametrize(("share", "is_said"), [(0.999, True), (0.9, False)])
+def test_another_number_that_explains_as_much_is_said(share: float, is_said: bool) -> None:
+    """A ratio of two areas is told, and not which of them is wrong."""
+    search = finished_search(FRICTION, LAG)
+    gain = replace(NOT_COMPARED, share=1.0, share_out=share)
+    right, other, effect = assumed("voltage_limit"), assumed("force_constant"), search.looks[0][0]
+    trials = [Refit(item.start, search.fit, gain) for item in (right, other)]
+    search.accepted.append(right)
+    search.looks.append([*trials, replace(effect, comparison=gain)])
+    value = search.fit.vector[other.start.strength_at]
+    said = [note for note in found(search).notes if note.startswith("another number")]
+    expected = (
+        "another number explains as much as voltage_limit: "
+        f"force_constant = {value:.4g} N/V; check both against the drawing"
+    )
+    assert said == ([expected] if is_said else [])
 
 
 def test_look_alikes_stand_beside_what_was_added_with_what_separates_them() -> None:

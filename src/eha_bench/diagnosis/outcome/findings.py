@@ -10,7 +10,7 @@ import numpy as np
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, Baseline
-from eha_bench.diagnosis.fit.candidates import LEARNED
+from eha_bench.diagnosis.fit.candidates import LEARNED, SheetNumber
 from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
 from eha_bench.diagnosis.fit.finish import ConvergedFit, converged_fit
 from eha_bench.diagnosis.fit.friction_at_rest import friction_at_rest_of
@@ -34,7 +34,12 @@ from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import ADDED, Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import found_rival
-from eha_bench.diagnosis.search.state import RankedCandidate, Search, shown_by_no_run
+from eha_bench.diagnosis.search.state import (
+    ALL_BUT_A_FORM,
+    RankedCandidate,
+    Search,
+    shown_by_no_run,
+)
 from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.model import Model
 from eha_bench.plants.parameter import Parameter
@@ -103,6 +108,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
         notes.append(f"{text} {layout.by_key[key].unit}")
     notes += _value_notes(model, fit, assumed)
+    notes += _notes_of_other_numbers(search)
     notes += lateness_note(late)
     notes += decision.notes
     notes += ended.notes()
@@ -175,6 +181,36 @@ def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
                 "it, or list it under `calibrate`"
             )
         notes.append(note)
+    return notes
+
+
+def _notes_of_other_numbers(search: Search) -> list[str]:
+    """Say which other numbers would do as well, another each, as those that the data ask for.
+
+    Where everything else is calibrated, a ratio of two areas is told, and not which one is wrong.
+    """
+    notes, layout = [], search.problem.plant.layout
+    added = {item.start.candidate for item in search.accepted}
+    for item in search.accepted:
+        if not item.start.is_parameter or isinstance(item.start, SheetNumber):
+            continue
+        others = [
+            trial
+            for trial in search.look_of(item)
+            if trial.start.is_parameter
+            and trial.candidate not in added
+            and 1.0 - min(trial.comparison.share, trial.comparison.share_out) < ALL_BUT_A_FORM
+        ]
+        said = [
+            f"{key} = {trial.fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}".rstrip()
+            for trial in others
+            for key in trial.start.keys
+        ]
+        if said:
+            notes.append(
+                f"another number explains as much as {' and '.join(item.start.keys)}: "
+                f"{' or '.join(said)}; check both against the drawing"
+            )
     return notes
 
 
