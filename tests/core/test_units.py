@@ -73,7 +73,9 @@ def test_wrong_dimension_is_refused(text: str, si: str) -> None:
         parse(text, si)
 
 
-@pytest.mark.parametrize("unit", ["1/min", "1 / min", "min^-1", "min**-1", "min-1", "min⁻¹"])
+@pytest.mark.parametrize(
+    "unit", ["1/min", "1 / min", "/min", "1/minute", "min^-1", "min**-1", "min-1", "min⁻¹"]
+)
 def test_per_minute_is_no_speed(unit: str) -> None:
     """Drives mean revolutions by it; read as radians a speed is a sixth of what it is."""
     with pytest.raises(UnitError, match=r"revolutions or radians; write rpm") as found:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from known_search import LinearProblem, add, assumed, refitted, search_of, shape, strength
 
+from eha_bench.core.workers import IN_PROCESS
 from eha_bench.diagnosis import conclusion
 from eha_bench.diagnosis.conclusion import Conclusion
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.thresholds import Thresholds
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.search import exchange as module
 from eha_bench.diagnosis.search.exchange import (
@@ -151,8 +154,79 @@ def test_the_end_decides_again_with_an_equivalent(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(end, "_verdict", lambda: names(search))
     monkeypatch.setattr(end, "_assemble", lambda *, complete: (end.decision, complete))
     against = Refusal(search.accepted[0], "held-out runs are worse with it")
-    assert end._without_effect(against) == ([TRUE], True)
+    assert end._without_effect(against, lambda: False, IN_PROCESS, (TRUE,)) == ([TRUE], True)
     assert end.refused == [against]
+
+
+def test_what_is_there_already_takes_no_place() -> None:
+    search = taken_for_equal(search_of(problem(likeness=1.0 - 1e-7), "viscous_friction"))
+    alike = search.accepted[0]
+    add(search, TRUE)
+    assert names(search) == [ALIKE, TRUE]
+    assert not take_equivalent(search, alike)
+    assert names(search) == [ALIKE, TRUE]
+
+
+@pytest.mark.parametrize("second_is_worse", [True, False])
+def test_held_out_runs_choose_between_two_causes_only(
+    monkeypatch: pytest.MonkeyPatch, second_is_worse: bool
+) -> None:
+    """The first is refused; the second stands where no error grows with it, or nothing does."""
+    search = taken_for_equal(search_of(problem(likeness=1.0 - 1e-7), "viscous_friction"))
+    monkeypatch.setattr(search.__class__, "is_unexplained", property(lambda _: False))
+    end = Conclusion.__new__(Conclusion)
+    end.search, end.refused = search, []
+    growth = {ALIKE: 1.5, TRUE: 1.02 if second_is_worse else 0.5}
+
+    def assembled(*, complete: bool) -> Any:
+        effects = [SimpleNamespace(id=name) for name in names(search)]
+        verdict = Verdict.EFFECT if effects else Verdict.UNKNOWN
+        return SimpleNamespace(
+            complete=complete, verdict=verdict, effects=effects, notes=[], remainder=None,
+            with_note=lambda note: SimpleNamespace(effects=effects, note=note),
+        )  # fmt: skip
+
+    def too_much(search: Search, found: Any, limit: float) -> Refusal | None:
+        (item,) = search.accepted
+        grown = growth[item.start.candidate]
+        return Refusal(item, f"grows {grown} times") if grown > limit else None
+
+    monkeypatch.setattr(conclusion, "prune", lambda _search: [])
+    monkeypatch.setattr(conclusion, "against_the_end", lambda s, found: too_much(s, found, 1.05))
+    monkeypatch.setattr(
+        conclusion,
+        "against_second",
+        lambda s, second, found: too_much(s, found, 1.0) if second else None,
+    )
+    monkeypatch.setattr(conclusion, "drop", lambda s, item, _fit: setattr(s, "accepted", []))
+    monkeypatch.setattr(conclusion, "without", lambda _search, _item: None)
+    monkeypatch.setattr(end, "_verdict", lambda: None)
+    monkeypatch.setattr(end, "_assemble", assembled)
+    found = end._what_stands(assembled(complete=True), lambda: False, IN_PROCESS)
+    assert names(search) == ([] if second_is_worse else [TRUE])
+    assert [item.item.start.candidate for item in end.refused] == [ALIKE, TRUE][
+        : 1 + second_is_worse
+    ]
+    if not second_is_worse:
+        assert found.note.startswith(f"held-out runs decided for {TRUE}")
+
+
+def test_an_interruption_while_deciding_again_names_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search = taken_for_equal(search_of(problem(), "viscous_friction"))
+    end = Conclusion.__new__(Conclusion)
+    end.search, end.refused = search, []
+    monkeypatch.setattr(conclusion, "without", _interrupted)
+    monkeypatch.setattr(end, "_assemble", lambda *, complete: (end.decision.verdict, complete))
+    against = Refusal(search.accepted[0], "it is the mean of what follows position")
+    assert end._without_effect(against, lambda: False, IN_PROCESS) == (Verdict.UNKNOWN, False)
+    assert names(search) == []
+    assert f"interrupted where {ALIKE} is not accepted" in end.decision.notes[0]
+
+
+def _interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def test_the_wrong_look_alike_is_replaced(tried: list[Any]) -> None:

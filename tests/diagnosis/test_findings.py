@@ -105,8 +105,8 @@ def test_another_number_that_explains_as_much_is_said(share: float, is_said: boo
     value = search.fit.vector[other.start.strength_at]
     said = [note for note in found(search).notes if note.startswith("another number")]
     expected = (
-        "another number explains as much as voltage_limit: "
-        f"force_constant = {value:.4g} N/V; check both against the drawing"
+        "another number explains about as much as voltage_limit: "
+        f"force_constant of {value:.4g} N/V; check them against the drawing"
     )
     assert said == ([expected] if is_said else [])
 

@@ -19,6 +19,7 @@ from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.measured import Measured, notes_of_runs, pooled_noise
 from eha_bench.diagnosis.data.noise import noise_of, quantum_of
+from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.baseline import _notes_of_constant_inputs, _notes_of_time
 
@@ -181,6 +182,30 @@ def test_gaps_that_come_too_often_cut_no_windows():
     found = admit(run(reading), reading, ["current_command"], OUTPUTS)
     assert found.breaks == ()
     assert any("gaps come every 0.026 s, so windows go on" in str(note) for note in found.notes)
+
+
+@pytest.mark.parametrize(("period", "breaks"), [(0.002, 0), (0.05, 39)])
+def test_lost_rows_cut_windows_where_they_last(period: float, breaks: int):
+    """Five rows lost again and again: 12 ms of a log at 500 Hz, 0.3 s of one at 20 Hz."""
+    time = period * np.arange(800)
+    kept = np.arange(800) % 20 < 15
+    reading = Recording(
+        time[kept],
+        {"current_command": np.sin(0.3 * np.arange(800))[kept],
+         "motor_speed": np.cos(0.3 * np.arange(800))[kept]},
+    )  # fmt: skip
+    sampled = on_ticks((reading,), ["current_command"], ["motor_speed"])
+    found = admit(run(reading), sampled, ["current_command"], OUTPUTS)
+    assert len(found.breaks) == breaks
+
+
+def test_a_burst_of_gaps_cuts_a_run_that_is_whole_elsewhere():
+    whole = recording(current_command=np.sin(0.01 * np.arange(2000)))
+    kept = (np.arange(2000) % 13 < 7) | (np.arange(2000) > 100)
+    values = {name: own[kept] for name, own in whole.values.items()}
+    reading = Recording(2.0 * whole.time[kept], values)
+    found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+    assert len(found.breaks) == 7
 
 
 def test_long_gaps_cut_windows_however_often_they_come():

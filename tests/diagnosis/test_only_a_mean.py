@@ -33,7 +33,8 @@ def test_a_weight_on_a_slide_and_a_sensors_zero_are_constant(
 def _search(*names: str, share: float = 0.54) -> SimpleNamespace:
     gain = SimpleNamespace(share=share, share_out=share)
     items = [SimpleNamespace(start=SimpleNamespace(candidate=n), comparison=gain) for n in names]
-    plant = SimpleNamespace(layout=get_plant("linear_drive").layout)
+    roles = SimpleNamespace(rates=("velocity",))
+    plant = SimpleNamespace(layout=get_plant("linear_drive").layout, roles=roles)
     problem = SimpleNamespace(plant=plant)
     return SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem)
 
@@ -53,6 +54,8 @@ def test_a_weight_is_the_mean_of_a_spring_that_stiffens() -> None:
         replace(LEFT, share=0.1),  # little remains
         replace(LEFT, explained=0.7),  # the curve does not explain it
         replace(LEFT, variable="", explained=0.0),
+        replace(LEFT, variable="velocity"),  # a friction is odd: a weight is no mean of it
+        replace(LEFT, variable="time"),
         replace(LEFT, found_there=()),  # what remains acts elsewhere
         replace(LEFT, found_there=("coulomb_friction",)),  # which is no constant
     ],

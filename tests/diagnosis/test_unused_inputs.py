@@ -15,17 +15,20 @@ from eha_bench.diagnosis.data.unused_inputs import unused_inputs
 
 PLANT: Any = SimpleNamespace(
     id="stand",
-    resting_inputs={"supply_pressure": 16e6, "load_force": 0.0, "oil_temperature": float("nan")},
+    resting_values=lambda vector: {
+        "supply_pressure": float(vector[0]), "load_force": 0.0, "oil_temperature": float("nan"),
+    },
     units={"supply_pressure": "Pa", "load_force": "N"},
-)
+)  # fmt: skip
+MODEL: Any = SimpleNamespace(plant=PLANT, vector=lambda: np.array([16e6]))
 TIME = np.arange(0.0, 1.0, 0.01)
 
 
-def _notes(inputs: tuple[str, ...] = (), **values: float) -> list[str]:
-    channels = {name: np.full(TIME.size, value) for name, value in values.items()}
+def _notes(inputs: tuple[str, ...] = (), **values: float | np.ndarray) -> list[str]:
+    channels = {name: np.zeros(TIME.size) + value for name, value in values.items()}
     recording = Recording(TIME, {"position": np.sin(TIME), **channels})
     run = Run("steps", Path("s.csv"), None, False, False, Use.TRAIN, lambda: recording)
-    return [str(note) for note in unused_inputs(run, [recording], inputs, PLANT)]
+    return [str(note) for note in unused_inputs(run, [recording], inputs, MODEL)]
 
 
 def test_a_supply_that_is_not_the_declared_one_is_said() -> None:
@@ -42,11 +45,13 @@ def test_a_supply_that_is_not_the_declared_one_is_said() -> None:
         (("supply_pressure",), {"supply_pressure": 14e6}),
         ((), {"supply_pressure": 16.1e6}),  # as declared
         ((), {"load_force": 0.0}),
+        ((), {"load_force": np.random.default_rng(0).normal(0.0, 0.3, TIME.size)}),
+        ((), {"supply_pressure": np.where(TIME == 0.5, 30e6, 16e6)}),  # one outlier
         ((), {"oil_temperature": 310.0}),  # nothing is declared of it
         ((), {"supply_pressure": float("nan")}),
     ],
 )
 def test_nothing_is_said_of_what_changes_nothing(
-    inputs: tuple[str, ...], values: dict[str, float]
+    inputs: tuple[str, ...], values: dict[str, float | np.ndarray]
 ) -> None:
     assert _notes(inputs, **values) == []

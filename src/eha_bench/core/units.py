@@ -35,7 +35,7 @@ _POWER = re.compile(r"(?:\*\*|\^)[\s(+-]*\d{2}|\d\s*\)?\s*(?:\*\*|\^)")
 _ANGLE = {"": 0, "rad": 1, "Hz": 0}
 _TURNS = {"r/min": "rpm", "U/min": "rpm"}
 """Revolutions a minute as drives and data sheets write them, of which Pint knows another unit."""
-_PER_MINUTE = re.compile(r"1\s*/\s*min|min\s*(\^|\*\*)?\s*\(?-1\)?|min⁻¹")
+_PER_MINUTE = re.compile(r"1?\s*/\s*min(ute)?|min(ute)?\s*((\^|\*\*)?\s*\(?-1\)?|⁻¹)")
 
 
 @cache

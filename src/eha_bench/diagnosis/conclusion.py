@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from eha_bench.diagnosis.outcome.differing_runs import differing_parameters
 from eha_bench.diagnosis.outcome.doubtful_numbers import doubtful_numbers
 from eha_bench.diagnosis.outcome.findings import adds, assemble
 from eha_bench.diagnosis.outcome.honest import (
+    against_second,
     against_the_end,
     curve_is_worse,
     prune,
@@ -224,16 +226,28 @@ class Conclusion:
 
     def _what_stands(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Take out what the end speaks against, one after the other; say what remains beside."""
+        second = ""
         while found.complete and found.verdict is Verdict.EFFECT:
-            if (against := against_the_end(self.search, found)) is not None:
-                found = self._without_effect(against)
+            against = against_the_end(self.search, found)
+            against = against or against_second(self.search, second, found)
+            if against is None:
+                found = self._with_remainder(found, asked, workers)
+                left = found.remainder
+                mean = only_a_mean(self.search, left) if left is not None else None
+                if mean is None:
+                    break
+                found = self._without_effect(mean, asked, workers)
                 continue
-            found = self._with_remainder(found, asked, workers)
-            left = found.remainder
-            mean = only_a_mean(self.search, left) if left is not None else None
-            if mean is None:
-                break
-            found = self._without_mean(mean, asked, workers)
+            # runs that are only scored choose between two, not among many
+            others = () if second else against.item.equivalent
+            found = self._without_effect(against, asked, workers, others)
+            added = {item.start.candidate for item in self.search.effects}
+            second = second or next((name for name in others if name in added), "")
+        if found.verdict is Verdict.EFFECT and second in {item.id for item in found.effects}:
+            self.found = found = found.with_note(
+                f"held-out runs decided for {second}: over windows what is not accepted fits as "
+                "well; ask runs of another day"
+            )
         return found
 
     def _with_remainder(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
@@ -256,19 +270,6 @@ class Conclusion:
         )
         self.found = replace(found, effects=effects, remainder=left).with_note(left.note)
         return self.found
-
-    def _without_mean(self, against: Refusal, asked: Interruption, workers: Workers) -> Diagnosis:
-        """Decide again without a constant that is only the mean of what follows a variable."""
-        self.stage = "decide"
-        try:
-            with checkpoints(asked), fits_by(workers):
-                drop(self.search, against.item, without(self.search, against.item))
-                self.refused += [against, *prune(self.search)]
-                self.decision = self._verdict()
-        except KeyboardInterrupt:
-            note = f"interrupted where {against.note}"
-            return replace(self.found.with_note(note), complete=False)
-        return self._assemble(complete=True)
 
     def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Fit what these data cannot tell from what was found."""
@@ -358,13 +359,26 @@ class Conclusion:
         self.found = replace(found, complete=complete)
         return self.found
 
-    def _without_effect(self, against: Refusal) -> Diagnosis:
-        """Decide again with an equivalent of an effect that the end speaks against, or none."""
+    def _without_effect(
+        self, against: Refusal, asked: Interruption, workers: Workers, others: Sequence[str] = ()
+    ) -> Diagnosis:
+        """Decide again without an effect that the end speaks against.
+
+        Args:
+            against: it, and why. asked, workers: as of `whole`.
+            others: its equivalents, if the best of them may take its place.
+        """
         self.stage = "decide"
-        if not take_equivalent(self.search, against.item):
-            drop(self.search, against.item, without(self.search, against.item))
-        self.refused += [against, *prune(self.search)]
-        self.decision = self._verdict()
+        try:
+            with checkpoints(asked), fits_by(workers):
+                if not (others and take_equivalent(self.search, against.item)):
+                    drop(self.search, against.item, without(self.search, against.item))
+                self.refused += [against, *prune(self.search)]
+                self.decision = self._verdict()
+        except KeyboardInterrupt:
+            accept_nothing(self.search)
+            self.decision = self._open(f"interrupted where {against.note}")
+            return self._assemble(complete=False)
         return self._assemble(complete=True)
 
     def _unknown_in_held_out(self) -> Diagnosis:

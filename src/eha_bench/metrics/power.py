@@ -15,7 +15,7 @@ from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
-from eha_bench.metrics.known import plant_constant
+from eha_bench.metrics.known import plant_constant, plant_constant_or_nan
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.samples import samples
@@ -128,18 +128,23 @@ def rod_force(recording: Recording) -> FloatArray:
 
 def joint_torque(recording: Recording) -> FloatArray:
     """Return the torque of the rod force about the joint, Eq. (9)-(10), N*m, (n,)."""
-    linkage = Linkage(
-        plant_constant(recording, "link_a"),
-        plant_constant(recording, "link_b"),
-        plant_constant(recording, "link_c0"),
-        plant_constant(recording, "volume_a") / plant_constant(recording, "piston_area_a"),
-    )
+    linkage = _linkage(recording)
     position = (
         recording["piston_position"]
         if "piston_position" in recording
         else linkage.position(recording["joint_angle"])
     )
     return rod_force(recording) * linkage.arm(position)
+
+
+def _linkage(recording: Recording) -> Linkage:
+    """Return the triangle, by the length between its pins or by that of the cylinder."""
+    a, b = plant_constant(recording, "link_a"), plant_constant(recording, "link_b")
+    length = plant_constant_or_nan(recording, "link_length")
+    if math.isfinite(length):
+        return Linkage(a, b, length, 0.0)
+    half = plant_constant(recording, "volume_a") / plant_constant(recording, "piston_area_a")
+    return Linkage(a, b, plant_constant(recording, "link_c0"), half)
 
 
 def largest(scored: _Scored, what: str) -> Measure:

@@ -526,6 +526,11 @@ class Plant:
         """Channels of joints' angles, with the output that is the position of the rod behind."""
         return {}
 
+    def resting_values(self, vector: FloatArray) -> Mapping[str, float]:
+        """Return what inputs are where they are not given, SI, by a vector of parameters."""
+        del vector
+        return self.resting_inputs
+
     # --- measurements ---------------------------------------------------------------
 
     def determined(

@@ -367,6 +367,10 @@ class SignalPlant(Plant):
         """Return the triangle of links that the rod moves a joint with."""
         return self.inner.linkage(vector[: self._size])
 
+    def resting_values(self, vector: FloatArray) -> Mapping[str, float]:
+        """Return what inputs are where they are not given."""
+        return self.inner.resting_values(vector[: self._size])
+
     def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
         """Return the outputs that these inputs determine."""
         return self.inner.determined(inputs)

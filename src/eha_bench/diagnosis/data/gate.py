@@ -33,8 +33,9 @@ from eha_bench.plants.channel_roles import ChannelRoles
 
 _LONG_GAP = 0.05
 """Gap in time behind which windows always begin anew, s."""
-_OFTEN, _FEWEST = 5, 25
-"""So many shorter gaps, with fewer samples than that from one to the next, do not cut windows."""
+_FEWEST, _MOSTLY = 25, 0.5
+"""Shorter gaps do not cut windows where stretches of fewer samples than that from one to the next
+make up so large a share of a run."""
 _RESTS = 3
 """Samples on either side of a gap that show whether an input rests there."""
 SAME = 1e-3
@@ -139,7 +140,11 @@ def admit(
         own = [name for name in outputs if name not in driven.values and name not in held]
         raise _nothing_compared(own, recording, where)
     long, short = _clock(run, time, driven.values, driven.missing, notes)
-    short |= {int(k) for item in driven.unsure.values() for k in item.anew if k < time.size}
+    read = np.ones(time.size, dtype=np.bool_) if sampled.logged is None else sampled.logged
+    logged = np.flatnonzero(read)
+    for k in {int(k) for item in driven.unsure.values() for k in item.anew if k < time.size}:
+        before = int(logged[max(int(np.searchsorted(logged, k)) - 1, 0)])
+        (long if time[k] - time[before] > _LONG_GAP else short).add(k)
     breaks = _far_apart(run, time, long, short, notes)
     return Measured(
         run,
@@ -379,17 +384,16 @@ def _far_apart(
     A controller that is held up for some milliseconds again and again leaves windows in which
     nothing slow shows: these go on, with the command in between as its neighbours say.
     """
-    breaks = np.array(sorted(long | short), dtype=np.intp)
-    if breaks.size < _OFTEN or not short:
-        return tuple(breaks.tolist())
-    if np.median(np.diff(breaks)) >= _FEWEST:
-        return tuple(breaks.tolist())
+    breaks = sorted(long | short)
+    stretches = np.diff([0, *breaks, time.size])
+    if not short or stretches[stretches < _FEWEST].sum() < _MOSTLY * time.size:
+        return tuple(breaks)
     notes.append(
         Note(
             "{run}: gaps come every {apart:.3g} s, so windows go on through them, with the inputs "
             "as their neighbours say",
             run=run.name,
-            apart=float(np.median(np.diff(time[breaks]))),
+            apart=float(np.median(np.diff(time[[0, *breaks]]))),
         )
     )
     return tuple(sorted(long))

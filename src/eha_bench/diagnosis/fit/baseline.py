@@ -128,7 +128,7 @@ def gather(
             topics = topics_from_onset(run, dataset.inputs, compared, plant.roles)
             recordings.append(on_ticks(topics, dataset.inputs, compared))
             runs.append(run)
-            unused += unused_inputs(run, topics, dataset.inputs, plant)
+            unused += unused_inputs(run, topics, dataset.inputs, dataset.model)
         except RecordingError as error:
             unread.append(error)
     restful = restful_channels(

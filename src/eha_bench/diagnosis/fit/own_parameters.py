@@ -91,6 +91,14 @@ class Places:
             for low, high in [self.bounds(key, vector)]
         )
 
+    def may_begin(self, vector: FloatArray, keys: Sequence[str]) -> bool:
+        """Return whether a search may begin from a vector: as permitted, and where it acts."""
+        return self.permits(vector, keys) and all(
+            vector[self.index[item.key]] <= item.highest_first(vector)
+            for item in self.reached
+            if item.key in keys
+        )
+
     def bound_met(self, keys: Iterable[str], vector: FloatArray) -> tuple[str, float] | None:
         """Return the first number that is as large as measurements let it be, with that; or None.
 

@@ -2,8 +2,9 @@
 
 A valve that is open most of the time is a leak with another name: above its setting, a relief valve
 that drains to a tank is a leak that drains to a vessel of that pressure, and no recording tells the
-two apart. So a setting is no lower than what is reached half of the time, nor than a tenth of the
-highest. One above the highest never opens.
+two apart. So a setting is no lower than what is reached half of the time, nor than a tenth of what
+is hardly ever exceeded. A search begins at none above the highest, where the valve never opens; a
+fit may end a little above it, as a stiff valve holds the pressure at its setting.
 
 A friction that is still falling at the fastest speed is a curve like any other: with a viscous
 friction beside it, it is as good as a drag that grows with the square of the speed. So the speed by
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -30,7 +31,7 @@ from eha_bench.plants.layout import Layout
 _SAMPLES = 2000
 """Samples that a median is taken over, evenly spread."""
 _LOWEST = 0.1
-"""Least setting, as a share of the highest pressure."""
+"""Least setting, as a share of a pressure that is hardly ever exceeded."""
 _FADED = 1.0 / 5.0
 """Largest speed by which something falls, as a share of the fastest."""
 _STRETCHES = (0.02, 0.05, 0.1, 0.2, 0.5)
@@ -40,7 +41,7 @@ _CLEAR = 10.0
 _FEWEST = 10
 """Fewest readings of a position that show a speed."""
 _FASTEST = 0.995
-"""Share of samples that are slower than what counts as the fastest: the rest may be outliers."""
+"""Share of samples below what counts as the fastest, or the highest: the rest may be outliers."""
 
 NO_BOUNDS = (-np.inf, np.inf)
 
@@ -52,15 +53,24 @@ class ReachedBounds:
     Attributes:
         key: `effect.parameter`. choices: places of the choices that it depends on.
         bounds: their values -> lowest and highest value, SI.
+        first: their values -> highest value that a search begins from, SI; where there is one.
     """
 
     key: str
     choices: tuple[int, ...]
     bounds: dict[tuple[float, ...], tuple[float, float]]
+    first: dict[tuple[float, ...], float] = field(default_factory=dict)
 
     def at(self, vector: FloatArray) -> tuple[float, float]:
         """Return them for the choices of a vector of parameters, SI."""
-        return self.bounds.get(tuple(float(vector[place]) for place in self.choices), NO_BOUNDS)
+        return self.bounds.get(self._chosen(vector), NO_BOUNDS)
+
+    def highest_first(self, vector: FloatArray) -> float:
+        """Return the highest value that a search begins from, for the same choices, SI."""
+        return self.first.get(self._chosen(vector), np.inf)
+
+    def _chosen(self, vector: FloatArray) -> tuple[float, ...]:
+        return tuple(float(vector[place]) for place in self.choices)
 
 
 def reached_bounds(layout: Layout, runs: Sequence[Measured]) -> tuple[ReachedBounds, ...]:
@@ -72,42 +82,48 @@ def reached_bounds(layout: Layout, runs: Sequence[Measured]) -> tuple[ReachedBou
     return (*_settings(layout, runs), *_fading_speeds(layout, runs), *_plays(layout, runs))
 
 
-def _settings(layout: Layout, runs: Iterable[Measured]) -> Iterable[ReachedBounds]:
+def _settings(layout: Layout, runs: Sequence[Measured]) -> Iterable[ReachedBounds]:
     opening = [effect for effect in layout.effects if effect.action.opens is not None]
     if not opening:
         return ()
-    pairs = [pair for run in runs if (pair := _pair(run)).size]
+    of_runs = [_pair(run) for run in runs]
+    pairs = [pair for pair in of_runs if pair.size]
     if not pairs:
         return ()
     pressures = np.concatenate(pairs)
     a, b = pressures.T
     highest = pressures[[int(np.argmax(values)) for values in (a, b, a - b, b - a)]]
+    if len(pairs) < len(of_runs):
+        # nobody knows how high the others went
+        highest = highest[:0]
     pressures = pressures[:: max(1, len(pressures) // _SAMPLES)]
-    return tuple(_shut_and_open(layout, effect, pressures, highest) for effect in opening)
+    return tuple(_least_and_first(layout, effect, pressures, highest) for effect in opening)
 
 
-def _shut_and_open(
+def _least_and_first(
     layout: Layout, effect: BoundEffect, pressures: FloatArray, highest: FloatArray
 ) -> ReachedBounds:
-    """Return the bounds of a setting that is reached, but not most of the time.
+    """Return between what a setting may be, and the highest that a search begins from.
 
     Args:
         layout: of the plant. effect: what opens. pressures: of both chambers, (n, 2) Pa.
-        highest: where one of them, or their difference, is the highest, (k, 2) Pa.
+        highest: where one of them, or their difference, is the highest, (k, 2) Pa; none: not known.
     """
     opening = effect.action.opens
     assert opening is not None
     names = [name for name in inspect.signature(opening.reached).parameters
              if name not in ("p_a", "p_b")]  # fmt: skip
     words = [range(len(effect.parameter(name).choices)) for name in names]
-    bounds = {}
+    bounds, first = {}, {}
     for chosen in product(*words):
         values = tuple(map(float, chosen))
         reached = [opening.reached(p_a, p_b, *values) for p_a, p_b in pressures.tolist()]
-        most = max(opening.reached(p_a, p_b, *values) for p_a, p_b in highest.tolist())
-        bounds[values] = max(float(np.median(reached)), _LOWEST * most), most
+        usual, hardly_ever = (float(np.quantile(reached, share)) for share in (0.5, _FASTEST))
+        bounds[values] = max(usual, _LOWEST * hardly_ever), np.inf
+        if highest.size:
+            first[values] = max(opening.reached(p_a, p_b, *values) for p_a, p_b in highest.tolist())
     places = tuple(layout.index[f"{effect.id}.{name}"] for name in names)
-    return ReachedBounds(f"{effect.id}.{opening.setting}", places, bounds)
+    return ReachedBounds(f"{effect.id}.{opening.setting}", places, bounds, first)
 
 
 def _pair(run: Measured) -> FloatArray:

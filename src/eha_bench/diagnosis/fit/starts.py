@@ -19,7 +19,7 @@ So another fit begins where the best one ended, with what it took too far as it 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -88,11 +88,11 @@ def best_fit_of_starts(
     for belief in off:
         back[belief.at] = belief.value
     fit = levenberg_marquardt(problem, back, free, iterations=6, refresh=1, tries=_PATIENCE)
+    is_same = max(fit.cost, found.fit.cost) < (1.0 + _SAME) * min(fit.cost, found.fit.cost)
     if fit.cost >= found.fit.cost:
-        return replace(found, tried=found.tried + 1)
+        return MultistartFit(found.fit, found.tried + 1, found.agreed + is_same)
     watch(fit.vector)
-    agreed = found.agreed if fit.cost > (1.0 - _SAME) * found.fit.cost else 0
-    return MultistartFit(fit, found.tried + 1, agreed + 1)
+    return MultistartFit(fit, found.tried + 1, found.agreed * is_same + 1)
 
 
 def _from_declared(

@@ -185,7 +185,7 @@ def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
 
 
 def _notes_of_other_numbers(search: Search) -> list[str]:
-    """Say which other numbers would do as well, another each, as those that the data ask for.
+    """Say which other numbers would do about as well, another each, as those that were taken.
 
     Where everything else is calibrated, a ratio of two areas is told, and not which one is wrong.
     """
@@ -198,18 +198,19 @@ def _notes_of_other_numbers(search: Search) -> list[str]:
             trial
             for trial in search.look_of(item)
             if trial.start.is_parameter
+            and not isinstance(trial.start, SheetNumber)
             and trial.candidate not in added
             and 1.0 - min(trial.comparison.share, trial.comparison.share_out) < ALL_BUT_A_FORM
         ]
         said = [
-            f"{key} = {trial.fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}".rstrip()
+            f"{key} of {trial.fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}".rstrip()
             for trial in others
             for key in trial.start.keys
         ]
         if said:
             notes.append(
-                f"another number explains as much as {' and '.join(item.start.keys)}: "
-                f"{' or '.join(said)}; check both against the drawing"
+                f"another number explains about as much as {' and '.join(item.start.keys)}: "
+                f"{' or '.join(said)}; check them against the drawing"
             )
     return notes
 

@@ -105,6 +105,21 @@ def against_the_end(search: Search, found: Diagnosis) -> Refusal | None:
     return None
 
 
+def against_second(search: Search, second: str, found: Diagnosis) -> Refusal | None:
+    """Return the second of two causes where runs never fitted do not bear it out.
+
+    They refused the first, which fits as well over windows. What may be chance there
+    (`Thresholds.worse`) decides between no two: with the second no error may grow at all.
+
+    Args:
+        search: with the effects. second: its id, "" for none. found: the end with it, replayed.
+    """
+    item = next((one for one in search.effects if one.start.candidate == second), None)
+    if item is None or not (reason := worse(found, replace(search.thresholds, worse=1.0))):
+        return None
+    return Refusal(item, reason)
+
+
 def _of_lost_phase(search: Search, item: Accepted, vector: FloatArray) -> str:
     """Say what windows hold for what follows an angle that nothing reads, or nothing."""
     layout = search.problem.plant.layout

@@ -3,6 +3,9 @@
 A constant force explains half of what a spring that stiffens does, and a sensor's offset half of a
 gain that is off. Where a curve of one variable explains nearly all that such a constant leaves at
 its own place, that curve holds the constant as well, and nothing says that it is there.
+
+A law of a speed is odd, and its mean is nothing: a weight beside a friction is no mean of that. Nor
+is a zero beside what changes with the time.
 """
 
 from __future__ import annotations
@@ -31,7 +34,9 @@ def only_a_mean(search: Search, left: Remainder) -> Refusal | None:
         search: with it. left: what remains beside the effects, and what that follows.
     """
     limits = search.thresholds
-    if not left.variable or left.share < 1.0 - limits.nearly_all:
+    if left.variable in ("", "time", *search.problem.plant.roles.rates):
+        return None
+    if left.share < 1.0 - limits.nearly_all:
         return None
     if left.explained < limits.nearly_all:
         return None

@@ -304,7 +304,7 @@ def _prediction_of(
     if sampled.is_of_several or len(sampled.recording) != len(recording):
         columns = _at_stamps(columns, sampled.recording, recording)
     notes = (
-        *unused_inputs(run, topics, inputs, plant),
+        *unused_inputs(run, topics, inputs, model),
         *measured.notes,
         *beyond_ends([measured], plant.position_range(model.vector()), plant.units),
         *start.notes,

@@ -97,11 +97,14 @@ def take_equivalent(search: Search, item: Accepted) -> bool:
     What speaks against one of two that windows cannot tell apart need not speak against the other:
     over a whole run of another kind they part.
     """
-    gain = item.comparison.gain
+    gain, added = item.comparison.gain, {other.start.candidate for other in search.accepted}
     ends = [
         (trial, fit)
         for trial, fit in _equivalents_in_place(search, item)
-        if is_as_good(search, fit, search.fit, gain) and _stands_inside(search, item, trial, fit)
+        if trial.candidate not in added
+        and is_as_good(search, fit, search.fit, gain)
+        and _stands_inside(search, item, trial, fit)
+        and yields_to(search, trial.candidate, fit.vector) != item.start.candidate
     ]
     if not ends:
         return False

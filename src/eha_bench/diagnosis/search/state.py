@@ -177,7 +177,7 @@ def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
     fitted = [*search.keys, *(key for start in numbers for key in start.keys)]
     starts = all_starts(places.layout, vector, declared, fitted)
     starts += declared_sizes(places.layout, vector, search.declared, search.keys)
-    starts = [start for start in starts if places.permits(start.apply(vector), start.keys)]
+    starts = [start for start in starts if places.may_begin(start.apply(vector), start.keys)]
     hidden = shown_by_no_run(search.problem)
     return [
         start

@@ -13,8 +13,8 @@ valve lets that line's oil out.
 
 The valve's own motion is fast against the chambers' and is left out. A relief
 valve opens far above what a machine works at, and then lets a pump's whole flow out within some
-bar: a setting of a tenth of the highest pressure, or one that the pressure is above half of the
-time, is a leak's. Near that one it yields to `external_leakage`, where that explains nearly as
+bar: a setting of up to a tenth of the highest pressure, or one that the pressure is above half of
+the time, is a leak's. Near that one it yields to `external_leakage`, where that explains nearly as
 much.
 
 Source: Merritt, Hydraulic Control Systems, Wiley 1967; Yang et al. 2023, Section 2.
@@ -90,14 +90,18 @@ def slope_ab(value: float, p_a: float, p_b: float, own: Valve) -> float:
     return value + own.valve_conductance if is_open else value
 
 
-def out_of_line(flow: float, pressure: float, valve_conductance: float, setting: float) -> float:
+def out_of_line(
+    flow: float, pressure: float, low_pressure: float, valve_conductance: float, setting: float
+) -> float:
     """Return the flow into the only line under pressure less what the valve lets out, m^3/s."""
-    return flow - valve_conductance * max(0.0, pressure - setting)
+    return flow - valve_conductance * max(0.0, min(pressure - setting, pressure - low_pressure))
 
 
-def slope_of_line(value: float, pressure: float, valve_conductance: float, setting: float) -> float:
+def slope_of_line(
+    value: float, pressure: float, low_pressure: float, valve_conductance: float, setting: float
+) -> float:
     """Return the conductance from that line to the reservoir, m^3/(s*Pa)."""
-    return value + valve_conductance if pressure > setting else value
+    return value + valve_conductance if pressure > max(setting, low_pressure) else value
 
 
 def limited_pressure(p_a: float, p_b: float, route: float, opened_by: float) -> float:

@@ -170,6 +170,13 @@ class NetworkPlant(Plant):
             return
         part = next(p for p in self.system.parts.values() if p.element.kind.id == "knee_linkage")
         rod = self.system.leader_of(part.element.ports["on"])
+        if rod.name != part.element.ports["on"]:
+            raise InputError(
+                f"the rod '{part.element.ports['on']}' of '{part.name}' follows '{rod.name}'",
+                where=self.system.locate("elements", part.name, "on"),
+                hint="declare the gear or the spindle the other way round: from the shaft to the "
+                "rod",
+            )
         low, high = self._ends(vector, rod.number, linkage)
         position = 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
         if math.isnan(linkage.angle_at(position)):
@@ -840,7 +847,12 @@ class NetworkPlant(Plant):
         if linkage is not None:
             for channel, (node, _, _) in self.system.derived.items():
                 low, high = self._ends(vector, self.system.leader_of(node).number, linkage)
-                found[channel] = (linkage.angle_at(low), linkage.angle_at(high))
+                angles = linkage.angle_at(low), linkage.angle_at(high)
+                # where the triangle does not close nothing ends
+                found[channel] = (
+                    -math.inf if math.isnan(angles[0]) else angles[0],
+                    math.inf if math.isnan(angles[1]) else angles[1],
+                )
         return found
 
     def _ends(
@@ -943,6 +955,14 @@ class NetworkPlant(Plant):
                              names[first.position], names[second.position])
             )  # fmt: skip
         return tuple(found)
+
+    def resting_values(self, vector: FloatArray) -> Mapping[str, float]:
+        """Return what inputs are where they are not given: what the plant declares of them."""
+        return {
+            item.channel: float(vector[item.default])
+            for item in self.system.columns
+            if item.default >= 0
+        }
 
     @property
     def held_inputs(self) -> tuple[str, ...]:

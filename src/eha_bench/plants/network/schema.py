@@ -76,7 +76,9 @@ def _element(kind: ElementKind) -> dict[str, Any]:
                 required.append(port.name)
     keys |= {item.name: _quantity(item) for item in kind.parameters}
     keys |= {name: {"type": "string", "description": "name of an element"} for name in kind.refers}
-    return _object(kind.id, keys, tuple(required), kind.summary)
+    one_of = [{"required": [name]} for name in kind.one_of]
+    found = _object(kind.id, keys, tuple(required), kind.summary)
+    return {**found, "oneOf": one_of} if one_of else found
 
 
 def _quantity(parameter: Parameter) -> dict[str, Any]:

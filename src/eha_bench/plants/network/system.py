@@ -580,7 +580,7 @@ class System:
             self._check_known("channels", output.channel, output.unit)
 
     def refuse_underived(self) -> None:
-        """Refuse a channel behind a linkage that nothing says: it would be left out in silence.
+        """Refuse a channel behind a linkage that nothing determines: it would be left out unsaid.
 
         Raises:
             InputError: it is no angle, or no channel shows the rod that it follows from.

@@ -196,7 +196,7 @@ class CanTarget(Target):
             raise InputError(
                 f"trial '{trial.id}' starts at a joint angle, and the rig's joint is not known",
                 where=Place(file=str(self._drive.path), key="model"),
-                hint="name a model.yaml with link_a, link_b and link_c0",
+                hint="name a model.yaml with link_a, link_b, and link_c0 or link_length",
             )
         return self._linkage.position_at(angle)
 
