@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +16,7 @@ from eha_bench.diagnosis.data.unused_inputs import unused_inputs
 
 PLANT: Any = SimpleNamespace(
     id="stand",
+    layout=SimpleNamespace(plant="stand", size=1, index={"supply.pressure": 0}),
     resting_values=lambda vector: {
         "supply_pressure": float(vector[0]), "load_force": 0.0, "oil_temperature": float("nan"),
     },
@@ -24,10 +26,14 @@ MODEL: Any = SimpleNamespace(plant=PLANT, vector=lambda: np.array([16e6]))
 TIME = np.arange(0.0, 1.0, 0.01)
 
 
-def _notes(inputs: tuple[str, ...] = (), **values: float | np.ndarray) -> list[str]:
+def _notes(
+    inputs: tuple[str, ...] = (), own: float | None = None, **values: float | np.ndarray
+) -> list[str]:
     channels = {name: np.zeros(TIME.size) + value for name, value in values.items()}
     recording = Recording(TIME, {"position": np.sin(TIME), **channels})
     run = Run("steps", Path("s.csv"), None, False, False, Use.TRAIN, lambda: recording)
+    if own is not None:
+        run = replace(run, parameters={"supply.pressure": own})
     return [str(note) for note in unused_inputs(run, [recording], inputs, MODEL)]
 
 
@@ -37,6 +43,11 @@ def test_a_supply_that_is_not_the_declared_one_is_said() -> None:
         "is taken to stand at the declared 1.6e+07 Pa"
     ]
     assert len(_notes(load_force=3.0)) == 1
+
+
+def test_what_a_run_declares_of_its_own_counts() -> None:
+    assert _notes(own=14e6, supply_pressure=14e6) == []
+    assert "at the declared 1.4e+07 Pa" in _notes(own=14e6, supply_pressure=16e6)[0]
 
 
 @pytest.mark.parametrize(

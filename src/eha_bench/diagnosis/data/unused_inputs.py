@@ -32,10 +32,8 @@ def unused_inputs(
     Args:
         run: the run. topics: of its log. inputs: channels that drive the model. model: driven.
     """
-    notes, plant, vector = [], model.plant, model.vector()
-    for key, value in run.parameters.items():
-        vector[plant.layout.index[key]] = value
-    resting = plant.resting_values(vector)
+    notes, plant = [], model.plant
+    resting = plant.resting_values(run.vector(plant.layout, model.vector()))
     for topic in topics:
         for name in topic:
             declared = resting.get(name, math.nan)
