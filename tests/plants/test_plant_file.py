@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.core.errors import InputError
+from eha_bench.plants.model import model_from
 from eha_bench.plants.network.file import load_plant
 from eha_bench.plants.network.plant import NetworkPlant
 
@@ -253,6 +254,15 @@ MISTAKES = {
 def _load(path: Path, text: str) -> NetworkPlant:
     path.write_text(text, encoding="utf-8")
     return load_plant(path)
+
+
+def test_a_plant_without_its_name_is_asked_for_it(tmp_path: Path) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text(PLANT.replace("plant: axis\n", ""))
+    with pytest.raises(InputError, match="key 'plant' is missing; name the plant") as found:
+        model_from(path)
+    assert found.value.where is not None
+    assert (found.value.where.file, found.value.where.line) == (str(path), 1)
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)

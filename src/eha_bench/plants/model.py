@@ -240,6 +240,17 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
     from eha_bench.core import yaml_file
     from eha_bench.plants.model_file import ModelFile
 
+    if (
+        isinstance(content, Mapping)
+        and content.keys() >= {"nodes", "elements"}
+        and not content.keys() & {"plant", "model"}
+    ):
+        # by its other keys it would be a file of another kind
+        raise InputError(
+            "key 'plant' is missing",
+            where=Place(file=name, line=1),
+            hint="name the plant in its first line, e.g. plant: my_actuator",
+        )
     kind = "" if prefix else "model"
     file = yaml_file.validate(ModelFile, content, name, prefix, kind=kind)
 
