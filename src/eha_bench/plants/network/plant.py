@@ -150,11 +150,8 @@ class NetworkPlant(Plant):
         self.references = tuple(item.channel for item in system.columns if system.is_followed(item))
         self.imposable_motions = () if commands else shown_motions(system)
         self.resting_inputs = {
-            item.channel: math.nan
-            if item.default == -2
-            else system.parameters[item.default].default
-            for item in system.columns
-            if item.default != -1
+            **{item.channel: math.nan for item in system.columns if item.default == -2},
+            **self.resting_values(self.layout.defaults()),
         }
         self._loose_plants: dict[tuple[str, bool], LoosenedPlant] = {}
         self.can_lock = bool(system.locked_coordinates)
@@ -164,11 +161,10 @@ class NetworkPlant(Plant):
 
     def _refuse_open_linkage(self) -> None:
         """Refuse a linkage whose triangle does not close where the rod begins."""
-        vector = self.layout.defaults()
+        part, vector = self._linkage_part, self.layout.defaults()
         linkage = self.linkage(vector)
-        if linkage is None:
+        if part is None or linkage is None:
             return
-        part = next(p for p in self.system.parts.values() if p.element.kind.id == "knee_linkage")
         rod = self.system.leader_of(part.element.ports["on"])
         if rod.name != part.element.ports["on"]:
             raise InputError(
@@ -180,7 +176,7 @@ class NetworkPlant(Plant):
         low, high = self._ends(vector, rod.number, linkage)
         position = 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
         if math.isnan(linkage.angle_at(position)):
-            length = linkage.c0 + linkage.half_stroke + position
+            length = float(linkage.length(np.asarray(position)))
             shortest, longest = abs(linkage.a - linkage.b), linkage.a + linkage.b
             raise InputError(
                 f"the links of '{part.name}' form no triangle: with the rod at "
@@ -902,16 +898,22 @@ class NetworkPlant(Plant):
 
     def linkage(self, vector: FloatArray) -> Linkage | None:
         """Return the triangle of links that the rod moves a joint with, None for none."""
-        for part in self.system.parts.values():
-            if part.element.kind.id == "knee_linkage":
-                a, b = (self._value(vector, part.name, name) for name in ("link_a", "link_b"))
-                if f"{part.name}.link_length" in self.system.slot_of:
-                    return Linkage(a, b, self._value(vector, part.name, "link_length"), 0.0)
-                cylinder = part.element.refers["cylinder"]
-                volume = self._value(vector, cylinder, "volume_a")
-                half = volume / self._value(vector, cylinder, "area_a")
-                return Linkage(a, b, self._value(vector, part.name, "link_c0"), half)
-        return None
+        part = self._linkage_part
+        if part is None:
+            return None
+        a, b = (self._value(vector, part.name, name) for name in ("link_a", "link_b"))
+        if f"{part.name}.link_length" in self.system.slot_of:
+            return Linkage(a, b, self._value(vector, part.name, "link_length"), 0.0)
+        cylinder = part.element.refers["cylinder"]
+        volume = self._value(vector, cylinder, "volume_a")
+        half = volume / self._value(vector, cylinder, "area_a")
+        return Linkage(a, b, self._value(vector, part.name, "link_c0"), half)
+
+    @cached_property
+    def _linkage_part(self) -> BoundElement | None:
+        """The links between the rod and a joint, None for none."""
+        parts = self.system.parts.values()
+        return next((part for part in parts if part.element.kind.id == "knee_linkage"), None)
 
     def behind(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:
         """Return the position behind a joint angle, and a pressure behind another and P1 - P2."""
