@@ -70,6 +70,11 @@ class Extreme:
     threshold: float
     rivals: float = 1.0
 
+    @property
+    def chosen(self) -> float:
+        """How much too high the highest of the places that may be as high is, at most."""
+        return (_largest(self.rivals, 0.975) - NORMAL) * math.sqrt(self.peak.variance)
+
 
 # three metrics ask for it; forgotten together with the response
 _highest: WeakKeyDictionary[StepResponse, Extreme] = WeakKeyDictionary()
@@ -155,7 +160,7 @@ class Overshoot(StepMetric):
             convention = f"beyond the final level as a fraction of the step, {LEVELS}"
             return _fraction(step, value, found, levels, convention, step.cut_above)
 
-        return Finding(value, measure, step.cut_above)
+        return Finding(value, measure, _is_open(step, step.cut_above))
 
 
 class Undershoot(StepMetric):
@@ -173,7 +178,7 @@ class Undershoot(StepMetric):
             convention = f"before the initial level as a fraction of the step, {LEVELS}"
             return _fraction(step, value, found, levels, convention, step.cut_below)
 
-        return Finding(value, measure, step.cut_below)
+        return Finding(value, measure, _is_open(step, step.cut_below))
 
 
 def _own_budget(step: StepResponse, found: Peak) -> Budget:
@@ -194,13 +199,11 @@ def _fraction(
     clipped: bool,
 ) -> Measure:
     measure = around(step, value, _own_budget(step, found.peak) + levels, convention)
-    # the highest of several places that may be as high is too high, the more so the more they are
-    chosen = (_largest(found.rivals, 0.975) - NORMAL) * math.sqrt(found.peak.variance)
-    low = 0.0 if value <= found.threshold else max(measure.low - chosen, 0.0)
+    low = 0.0 if value <= found.threshold else max(measure.low - found.chosen, 0.0)
     if math.isnan(measure.low):
         low = math.nan
     measure = replace(measure, low=low)
-    return _cut_off(measure, 1.0) if clipped else measure
+    return _opened(step, measure, 1.0, clipped)
 
 
 def _extreme_as_read(step: StepResponse, height: float, side: float) -> float:
@@ -212,11 +215,27 @@ def _extreme_as_read(step: StepResponse, height: float, side: float) -> float:
     return min(height, float(np.max(side * step.rise[step.origin :]))) if cut else height
 
 
-def _cut_off(measure: Measure, side: float) -> Measure:
-    """Return a measure whose interval is open to a side: the sensor's end hid what was there."""
+def _is_open(step: StepResponse, clipped: bool) -> bool:
+    """Whether an extreme may be any larger than what was read."""
+    return clipped or bool(step.unseen)
+
+
+def _opened(step: StepResponse, measure: Measure, side: float, clipped: bool) -> Measure:
+    """Return a measure that holds what was not read: beyond a sensor's end, or in lost samples."""
+    if clipped:
+        return _cut_off(measure, side, "the sensor's end cut it off")
+    if not step.unseen:
+        return measure
+    start, stop = max(step.unseen, key=lambda one: one[1] - one[0])
+    lost = f"samples are lost from {start:.4g} to {stop:.4g} s after the edge"
+    return _cut_off(measure, side, lost)
+
+
+def _cut_off(measure: Measure, side: float, why: str) -> Measure:
+    """Return a measure whose interval is open to a side, as what was there was not read."""
     found = replace(measure, high=math.inf) if side > 0.0 else replace(measure, low=-math.inf)
     words = "at least" if side > 0.0 else "at most"
-    return replace(found, reason=f"{words} this, the sensor's end cut it off; {measure.reason}")
+    return replace(found, reason=f"{words} this, {why}; {measure.reason}")
 
 
 class PeakValue(StepMetric):
@@ -235,7 +254,8 @@ class PeakValue(StepMetric):
         """Return the value of the local polynomial's extreme."""
         found = highest(step)
         value = step.initial + step.step * _extreme_as_read(step, found.peak.value, 1.0)
-        return Finding(value, lambda: self._measure(step, found, value), step.cut_above)
+        whether = _is_open(step, step.cut_above)
+        return Finding(value, lambda: self._measure(step, found, value), whether)
 
     @staticmethod
     def _measure(step: StepResponse, found: Extreme, value: float) -> Measure:
@@ -243,7 +263,8 @@ class PeakValue(StepMetric):
         absolute, relative = step.calibration
         sensor = type_b("sensor", math.hypot(absolute, relative * value))
         own = reach(budget + sensor)
-        low, high = value - own, value + own
+        chosen = found.chosen * step.step
+        low, high = value - own - max(chosen, 0.0), value + own - min(chosen, 0.0)
         if found.peak.value - 1.0 <= found.threshold:
             # no more than the level that it settles at
             settled = reach(step.final_budget.scaled(step.step) + sensor)
@@ -253,7 +274,7 @@ class PeakValue(StepMetric):
                 high = max(high, step.final + settled)
         reason = with_state(step, "extreme after the edge")
         measure = Measure(value, low, high, reason, (budget + sensor).merged())
-        return _cut_off(measure, step.step) if step.cut_above else measure
+        return _opened(step, measure, step.step, step.cut_above)
 
 
 def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
@@ -323,7 +344,12 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     side = value - float(np.mean(before))
     cut = {item.above for item in data.cut_off(span)}
     measure = Measure(value, value - own, value + own, notes, budget.merged())
-    return _cut_off(measure, side) if (side > 0.0) in cut else measure
+    if (side > 0.0) in cut:
+        return _cut_off(measure, side, "the sensor's end cut it off")
+    if lost := line.lost(span):
+        start, stop = max(lost, key=lambda one: one[1] - one[0])
+        return _cut_off(measure, side, f"samples are lost from {start:.4g} to {stop:.4g} s")
+    return measure
 
 
 class PeakTime(StepMetric):
@@ -352,4 +378,7 @@ class PeakTime(StepMetric):
         else:
             low = high = math.nan
         reason = with_state(step, "edge to the peak")
+        if step.unseen:
+            low, high = min(low, step.unseen[0][0]), max(high, step.unseen[-1][1])
+            reason = f"the peak may be where samples are lost; {reason}"
         return since_edge(step, Measure(found.peak.time, low, high, reason, budget))

@@ -14,6 +14,7 @@ from eha_bench.metrics.noise import LinearCovariance, Noise
 _NARROWEST = 4
 _WIDEST = 1.5  # transits
 _NARROWER = 0.6  # of a window: what a cubic in it is compared with
+_SMOOTH = 1.5  # second differences that the polynomial of a smooth response misses at most
 _SAME = 3.0  # standard deviations that both may be apart, else the narrower counts
 
 
@@ -197,7 +198,8 @@ def vertex(time: FloatArray, values: FloatArray, index: int, first: int) -> Peak
 
     Through five samples, none before `first`; it is off by about as much as the parabola through
     the nearest three is apart from it. Where there are no five, the parabola stands, and may be off
-    by what it adds to the sample.
+    by what it adds to the sample. At a corner (a limit that holds the response) no polynomial
+    follows: the sample stands, and may be off by what the polynomial adds to it.
     """
     at = float(time[index])
     here = Peak(float(values[index]), at, 0.0, at, at)
@@ -209,7 +211,29 @@ def vertex(time: FloatArray, values: FloatArray, index: int, first: int) -> Peak
         five = _vertex(time, values, index, 2)
     place, value = three if five is None else five
     away = (here.time, here.value) if five is None else three
+    if _is_at_a_corner(time, values, index, first):
+        missed = max(value - here.value, abs(value - away[1]))
+        return replace(here, between=missed, between_times=abs(place - at))
     return Peak(value, place, 0.0, place, place, abs(value - away[1]), abs(place - away[0]))
+
+
+def _is_at_a_corner(time: FloatArray, values: FloatArray, index: int, first: int) -> bool:
+    """Whether the polynomial through five samples misses the next ones by more than they bend.
+
+    Of a smooth response it misses them by the fifth difference, a small part of the second. Around
+    a corner differences do not fall with their order.
+    """
+    around = np.arange(max(index - 2, first, 0), min(index + 3, values.size))
+    if around.size < 5:
+        return False
+    scale = float(time[index + 1] - time[index - 1])
+    places = (time - time[index]) / scale
+    base = float(values[index])
+    coefficients = np.linalg.solve(np.vander(places[around]), values[around] - base)
+    beside = [k for k in (index - 3, index + 3) if max(first, 0) <= k < values.size]
+    missed = [abs(np.polyval(coefficients, places[k]) - (values[k] - base)) for k in beside]
+    before, after = values[index - 1] - base, values[index + 1] - base
+    return bool(missed) and max(missed) > _SMOOTH * abs(before + after)
 
 
 def _vertex(

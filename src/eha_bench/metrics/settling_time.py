@@ -44,7 +44,8 @@ class SettlingTime(StepMetric):
 
     def find(self, step: StepResponse) -> Finding:
         """Return the last crossing of the band; its interval covers exits that noise may hide."""
-        return _not_before_its_response(step, self._find_settling(step))
+        found = _not_before_its_response(step, self._find_settling(step))
+        return _as_late_as_unseen(step, found)
 
     def _find_settling(self, step: StepResponse) -> Finding:
         track = _track(step)
@@ -169,6 +170,25 @@ class SettlingTime(StepMetric):
         if step.time[perhaps] > high + 3.0 * own:
             high = _back_inside(step.time, distance, perhaps, BAND - beyond)
         return low, high
+
+
+def _as_late_as_unseen(step: StepResponse, found: Finding) -> Finding:
+    """Return a settling time whose interval reaches as far as lost samples may have been outside.
+
+    No sample tells that a response stayed in the band while none was read.
+    """
+    later = [one for one in step.unseen if one[1] > found.value]
+    if not later:
+        return found
+    start, stop = later[-1]
+
+    def measure() -> Measure:
+        own = found.measure()
+        why = f"samples are lost from {start:.4g} to {stop:.4g} s after the edge"
+        low = own.low if math.isnan(own.low) else min(own.low, *(one[0] for one in later))
+        return replace(own, low=low, high=max(own.high, stop), reason=f"{own.reason}; {why}")
+
+    return replace(found, measure=measure)
 
 
 def _noise_of(budget: Budget) -> float:

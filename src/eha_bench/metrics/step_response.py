@@ -86,6 +86,8 @@ class StepResponse:
         samples_a_rise: sample periods from 10 to 90 %, by straight lines.
         cut_above, cut_below: whether a sensor's end cut readings off in the direction of the step,
             and against it.
+        unseen: s since the edge, from to, where samples are lost for at least as long as the
+            response takes from 25 to 75 %: it may have gone anywhere and come back.
         slack: s by which the edge may really have been earlier (0 when its time is known).
         noted: gives what a reader of the score should know.
     """
@@ -107,6 +109,7 @@ class StepResponse:
     samples_a_rise: float
     cut_above: bool
     cut_below: bool
+    unseen: tuple[tuple[float, float], ...]
     slack: float
     noted: Callable[[], tuple[str, ...]]
     _crossings: dict[float, Crossing] = field(default_factory=dict, init=False, repr=False)
@@ -496,8 +499,20 @@ def _respond(
         samples_a_rise=few,
         cut_above=(step > 0.0) in cut,
         cut_below=(step < 0.0) in cut,
+        unseen=_unseen(line, edge, slice(before.start + origin, whole.stop), transit),
         slack=_slack(line, edge, asked),
         noted=lambda: (*_notes(line, rise, low, unit, ahead, few), *channel.notes(line, whole)),
+    )
+
+
+def _unseen(
+    line: Timeline, edge: Edge, window: slice, transit: int
+) -> tuple[tuple[float, float], ...]:
+    """Return where samples are lost for as long as `transit` of them take, s since the edge."""
+    return tuple(
+        (start - edge.time, stop - edge.time)
+        for start, stop in line.lost(window)
+        if stop - start >= transit * line.period
     )
 
 

@@ -41,6 +41,7 @@ class TrackingError:
         offset: standard uncertainty of the sensor that all samples share, in units of `scale`.
         gain: the same as a share of the reading.
         cut: samples (n,) at the sensor's end and whether what was cut off lies above, for each end.
+        lost: s, from to, where samples are lost.
     """
 
     error: FloatArray
@@ -53,6 +54,7 @@ class TrackingError:
     offset: float = 0.0
     gain: float = 0.0
     cut: tuple[tuple[BoolArray, bool], ...] = ()
+    lost: tuple[tuple[float, float], ...] = ()
 
     def sensor(self, weights: FloatArray) -> Budget:
         """Return what the sensor's calibration does to sum(weights * error), in SI."""
@@ -127,6 +129,7 @@ def _error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
         data.uncertainty / scale,
         data.relative,
         tuple((item.at, item.above) for item in data.cut_off(window)),
+        tuple(line.lost(window)),
     )
 
 
@@ -170,12 +173,17 @@ class TrackingMetric(Metric):
 
 
 def root_mean_square(error: TrackingError) -> Measure:
-    """Return the RMS with the spread that white sensor noise gives it."""
+    """Return the RMS with the spread that white sensor noise gives it.
+
+    Where samples are lost, errors may have been as large as the largest that was read.
+    """
     values = error.error
     power = float(values @ values) / values.size
     clean = max(power - error.noise**2, 0.0)
     spread = math.sqrt((4.0 * clean * error.noise**2 + 2.0 * error.noise**4) / values.size)
     low, high = max(power - 1.96 * spread, 0.0), power + 1.96 * spread
+    unread = sum(stop - start for start, stop in error.lost) / error.period / values.size
+    high += unread * float(np.max(values**2))
     value, low, high = (math.sqrt(part) * error.scale for part in (power, low, high))
     slope = values / (max(math.sqrt(power), 1e-300) * values.size)
     found = Measure(value, low, high, "measured error, sensor noise included")
@@ -218,8 +226,13 @@ class TrackingMax(TrackingMetric):
         at = int(np.argmax(np.abs(error.error)))
         weights = np.zeros(error.error.size)
         weights[at] = 1.0
-        found = Measure(value, low, high, "measured error, sensor noise included")
-        return with_sensor(found, error.sensor(weights))
+        reason = "measured error, sensor noise included"
+        found = with_sensor(Measure(value, low, high, reason), error.sensor(weights))
+        if not error.lost:
+            return found
+        start, stop = max(error.lost, key=lambda one: one[1] - one[0])
+        why = f"at least this, samples are lost from {start:.4g} to {stop:.4g} s"
+        return replace(found, high=math.inf, reason=f"{why}; {reason}")
 
 
 class TrackingNrmse(TrackingMetric):

@@ -20,6 +20,7 @@ from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
+from eha_bench.metrics.outliers import LONGEST_FILLED
 from eha_bench.metrics.search import best_lag
 
 SIGNAL_START = "signal_start"
@@ -55,6 +56,14 @@ class Timeline:
     def irregular(self) -> bool:
         """Whether samples come at uneven times, and not only with some of them lost."""
         return bool(np.median(np.abs(np.diff(self.time) / self.period - 1.0)) > _UNEVEN)
+
+    def lost(self, window: slice) -> list[tuple[float, float]]:
+        """Return where more samples are lost than their neighbours can stand for, s, from to."""
+        if self.irregular:
+            return []
+        time = self.time[window]
+        wide = np.flatnonzero(np.diff(time) > (LONGEST_FILLED + 1.5) * self.period)
+        return [(float(time[k]), float(time[k + 1])) for k in wide]
 
     def between(self, start: float, stop: float) -> slice:
         """Return the samples with start <= time < stop (to within a thousandth of a sample)."""
