@@ -241,7 +241,10 @@ def test_the_wrong_look_alike_is_replaced(tried: list[Any]) -> None:
     assert search.excess_left.relative < 0.1 < search.excess_base.relative
     # measured against the fit with nothing in its place, not against the look-alike
     assert search.accepted[0].comparison.share > 0.9
-    assert search.exchanged_from is None
+    # beside nothing else, the same would be found again
+    attempts = len(tried)
+    assert not exchange(search)
+    assert len(tried) == attempts
 
 
 def test_the_right_one_stays_and_is_not_tried_twice(tried: list[Any]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from fixtures.rig.case import Conditions, Plan, record_case
@@ -130,6 +130,43 @@ def test_an_interrupt_leaves_what_was_found_before(monkeypatch: pytest.MonkeyPat
         joint(search)
     assert search.accepted == []
     assert search.fit is before
+
+
+@pytest.mark.parametrize(("names", "gain", "passes"), [
+    # what was found leaves 30 of 1000: two others may leave twice that
+    (("entrained_air", "relief_valve"), 945.0, True),
+    (("entrained_air", "relief_valve"), 930.0, False),
+    # beside it, a part of the 30
+    (("command_delay", "relief_valve"), 972.0, False),
+    (("relief_valve", "command_delay"), 976.0, True),
+])  # fmt: skip
+def test_over_short_windows_two_have_to_come_near_what_was_found(
+    names: tuple[str, str], gain: float, passes: bool
+) -> None:
+    found = SimpleNamespace(starts=(_start("command_delay"),), gain=970.0)
+    pair = SimpleNamespace(starts=tuple(map(_start, names)), gain=gain)
+    near: Any = SimpleNamespace(excess=1000.0, gain=lambda item: item.gain)
+    left = SimpleNamespace(total=500.0, relative=0.2)
+    kept: Any = SimpleNamespace(thresholds=DEFAULT, excess_left=left)
+    assert module._may_pass(kept, near, cast(Any, pair), cast(Any, found)) is passes
+    assert module._may_pass(kept, near, cast(Any, pair), None)
+
+
+@pytest.mark.parametrize(("names", "cost", "may_win"), [
+    (("entrained_air", "relief_valve"), 150.0, True),
+    (("entrained_air", "relief_valve"), 200.0, False),
+    # what was found has its best form
+    (("command_delay", "relief_valve"), 101.0, False),
+    (("command_delay", "relief_valve"), 99.0, True),
+])  # fmt: skip
+def test_forms_are_tried_of_two_that_may_explain_more_than_what_was_found(
+    names: tuple[str, str], cost: float, may_win: bool
+) -> None:
+    item = Accepted(_start("command_delay"), NOT_COMPARED, ())
+    costs = SimpleNamespace(cost=500.0), SimpleNamespace(cost=100.0)
+    search: Any = SimpleNamespace(accepted=[item], base=costs[0], fit=costs[1])
+    pair: Any = SimpleNamespace(starts=tuple(map(_start, names)), fit=SimpleNamespace(cost=cost))
+    assert module._may_win(search, pair) is may_win
 
 
 def _start(name: str) -> Start:

@@ -70,3 +70,35 @@ def test_no_other_two_are_looked_for_where_one_leaves_only_its_form(
     monkeypatch.setattr(stepwise, "joint", lambda *_: seen.append("joint"))
     stepwise.run(search, lambda *_: None)
     assert bool(seen) is asked
+
+
+@pytest.mark.parametrize(("left", "other", "looks"), [
+    # little moved: a look from there would find what the last one found
+    (0.95, False, 1),
+    (0.80, False, 2),
+    (0.95, True, 2),
+])  # fmt: skip
+def test_another_look_is_taken_where_an_exchange_led_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, left: float, other: bool, looks: int
+) -> None:
+    search = search_of(LinearProblem({FRICTION: 0.2 * shape(0.0), STRENGTH: shape(1.0)}, {}))
+    add(search, EFFECT)
+    search.excess_base = replace(search.excess_base, total=1e6, significance=100.0)
+    search.excess_left = replace(search.excess_base, total=1e5)
+    seen: list[str] = []
+
+    def exchanged(_: Any) -> bool:
+        search.excess_left = replace(search.excess_left, total=left * 1e5)
+        if other:
+            start = replace(search.accepted[0].start, candidate="drag")
+            search.accepted = [replace(search.accepted[0], start=start)]
+        return True
+
+    names = ("review", "release", "take_better_equivalents", "compare_over_whole_runs")
+    for name in names:
+        monkeypatch.setattr(stepwise, name, lambda *_: None)
+    monkeypatch.setattr(stepwise, "_grow", lambda *_: seen.append("look"))
+    monkeypatch.setattr(stepwise, "exchange", exchanged)
+    monkeypatch.setattr(stepwise, "joint", lambda *_: False)
+    stepwise.run(search, lambda *_: None)
+    assert len(seen) == looks

@@ -52,7 +52,8 @@ def exchange(search: Search) -> bool:
             equal = (old, *equal)
         put_in_place(search, item, Accepted(best.start, found, equal), best.fit)
         changed = True
-    search.exchanged_from = None if changed else search.fit
+    # beside nothing else, the same would be found again
+    search.exchanged_from = None if changed and len(search.accepted) > 1 else search.fit
     return changed
 
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import SheetNumber, is_drawn
+from eha_bench.diagnosis.fit.candidates import SheetNumber, Start, is_drawn
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, Improvement, compare, excess
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
@@ -41,6 +41,12 @@ _ARRIVING = 0.5
 is fitted to the end: friction at rest and other forms add to it, but do not double it."""
 _MAY_WIN = 0.8
 """Share of what was found that a pair must explain before forms are tried."""
+_LEAVES = 2.0
+"""Most that two others may leave over short windows, in what was found leaves there: over long ones
+they have to leave less."""
+_BESIDE = 0.5
+"""Share of what a second effect has to explain of what the first leaves, from which the two are
+taken beyond short windows."""
 
 
 def joint(search: Search) -> bool:
@@ -66,7 +72,7 @@ def _take_pair(search: Search, kept: Search) -> bool:
     """
     limits = search.thresholds
     accept_nothing(search)
-    best = _best(search)
+    best = _best(search, kept)
     search.restore(kept)
     if best is None or not _may_win(search, best):
         return False
@@ -122,9 +128,19 @@ def _is_one(search: Search, found: Sequence[Improvement | None], before: float) 
 
 
 def _may_win(search: Search, pair: Nearby) -> bool:
-    """Whether two may explain more than what was found, once each has its best form."""
+    """Whether two may explain more than what was found, once each has its best form.
+
+    What was found has its best form: a second one beside it has to gain from the start.
+    """
+    if search.accepted and _holds(pair, [item.start for item in search.accepted]):
+        return pair.fit.cost < search.fit.cost
     found = search.base.cost - search.fit.cost
     return search.base.cost - pair.fit.cost > _MAY_WIN * found
+
+
+def _holds(pair: Nearby, starts: Sequence[Start]) -> bool:
+    """Whether candidates are all among the two of a pair."""
+    return {one.candidate for one in starts} <= {one.candidate for one in pair.starts}
 
 
 def _beside(search: Search, item: Accepted) -> Improvement | None:
@@ -139,8 +155,12 @@ def _beside(search: Search, item: Accepted) -> Improvement | None:
     return gained if enough and limits.allow(gained) else None
 
 
-def _best(search: Search) -> Nearby | None:
-    """Return the best pair refitted to the end, None where none is worth it."""
+def _best(search: Search, kept: Search) -> Nearby | None:
+    """Return the best pair refitted to the end, None where none is worth it.
+
+    Args:
+        search: with nothing added. kept: as found.
+    """
     layout = search.problem.plant.layout
     near = Near.of(search, search.problem.at_step(COARSE))
     # a number of a drawing explains nearly all alone, or is only bent by what is missing; one of
@@ -169,7 +189,10 @@ def _best(search: Search) -> Nearby | None:
             if name not in pairs or _cost(pair) < _cost(pairs[name]):
                 pairs[name] = pair
     plausible = (_PLAUSIBLE_BENT if bent else _PLAUSIBLE) * near.excess
-    good = [p for p in pairs.values() if near.fit.cost - _cost(p) > plausible]
+    found = _over_short_windows(near, kept)
+    good = [
+        p for p in pairs.values() if near.gain(p) > plausible and _may_pass(kept, near, p, found)
+    ]
     good = sorted(good, key=_cost)[:_FINALISTS]
     done = side_by_side(lambda pair: Nearby(pair.starts, near.long(pair)), good)
     least = _ARRIVING * search.thresholds.together * search.excess_base.total
@@ -178,6 +201,37 @@ def _best(search: Search) -> Nearby | None:
     done = [Nearby(p.starts, polish_to_the_bottom(search, p.fit, p.starts)) for p in done]
     inside = [pair for pair in done if are_inside(search, pair.starts, pair.fit.vector)]
     return min(inside, key=_cost, default=None)
+
+
+def _over_short_windows(near: Near, kept: Search) -> Nearby | None:
+    """Return what was found, refitted over the short windows; None where nothing was."""
+    if not kept.accepted:
+        return None
+    vector = near.fit.vector.copy()
+    for item in kept.accepted:
+        for at, _ in item.start.settings:
+            vector[at] = kept.fit.vector[at]
+    return near.fit_together(tuple(item.start for item in kept.accepted), vector)
+
+
+def _may_pass(kept: Search, near: Near, pair: Nearby, found: Nearby | None) -> bool:
+    """Whether two may explain more than what was found, by what they do over short windows.
+
+    Where one was found that explains nearly all, no two others will do so by chance. A second one
+    beside it was looked for, over long windows; over short ones it has to explain a part of what
+    the first leaves.
+
+    Args:
+        kept: as found. near: the short windows. pair: two, fitted there. found: what was found,
+            fitted there.
+    """
+    if found is None:
+        return True
+    gained, missing = near.gain(found), near.excess
+    if _holds(pair, found.starts):
+        share = kept.thresholds.least_share(kept.excess_left)
+        return near.gain(pair) - gained > _BESIDE * share * (missing - gained)
+    return missing - near.gain(pair) < _LEAVES * (missing - gained)
 
 
 def _cost(item: Nearby) -> float:

@@ -78,7 +78,7 @@ class Search:
         fit: current best. base: without any added effect.
         accepted: in the order added. ranking: of the first look.
         looks: all that were taken, each the best first. looked_from: where the last one was.
-        exchanged_from: where an exchange last changed nothing. pairs_tried: whether two at once
+        exchanged_from: where an exchange would change nothing. pairs_tried: whether two at once
             were looked for, which begins from nothing: what was found since changes nothing of it.
         near: the last search over short windows (`refit.Near`), where it began.
         excess_base, excess_left: beyond noise before and after.

@@ -37,9 +37,11 @@ def run(search: Search, progress: ProgressHook) -> None:
     _grow(search, progress)
     if search.effects and search.is_unexplained:
         progress("search", 0.8)
+        before = search.snapshot()
         if exchange(search):
             review(search)
-            _grow(search, progress)
+            if _is_elsewhere(search, before):
+                _grow(search, progress)
     if search.is_unexplained and not (search.is_all_but_a_form or search.pairs_tried):
         progress("search", 0.9)
         search.pairs_tried = True
@@ -82,6 +84,13 @@ def _grow(search: Search, progress: ProgressHook) -> None:
         if _is_nearly_explained(search):
             # what is left of what was nearly explained is more likely a wrong form than a new cause
             exchange(search)
+
+
+def _is_elsewhere(search: Search, before: Search) -> bool:
+    """Whether another look may find what the one before an exchange did not."""
+    added, earlier = ([item.start.candidate for item in one.accepted] for one in (search, before))
+    much = search.excess_left.total < (1.0 - _NEARLY) * before.excess_left.total
+    return much or added != earlier
 
 
 def _is_nearly_explained(search: Search) -> bool:
