@@ -56,6 +56,8 @@ _HALF, _NEARLY_ALL = 0.5, 0.98
 """Shares of what is missing between which a candidate's shape may be off."""
 _FORESEEN = 5.0
 """Multiple of what one more step is predicted to gain that a fit in a long valley may gain."""
+_SHORT = 0.3
+"""Share of what is enough to be added, from which a rough refit may come to it in the end."""
 _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
@@ -165,6 +167,7 @@ def _confirm(
     promised = {name: item.gain for name, item in best.items()} if near is None else {}
     found = _refit_promising(search, trials, promised, afresh=near is None)
     reached = max((search.fit.cost - item.fit.cost for item in found), default=0.0)
+    reached = max(reached, _least_of_hopeful(search))
     tried = {item.candidate for item in found}
     # a prediction is less than a refit gains: what promises more than was reached may yet win
     left = [best[name] for name in order if name not in tried and best[name].gain > reached]
@@ -183,12 +186,14 @@ def _refit_promising(
     """
     gains = {item.candidate: search.fit.cost - item.fit.cost for item in trials}
     hopes = {name: max(gain, promised.get(name, 0.0)) for name, gain in gains.items()}
+    enough = _least_of_hopeful(search)
     done: list[Refit] = []
     top = 0.0
     for number, trial in enumerate(sorted(trials, key=lambda item: -hopes[item.candidate])):
         least = rival_share(0.5, top, search.excess_left.total) * top
-        hopeless = number > 0 and (number >= _FINALISTS or hopes[trial.candidate] < least)
-        if gains[trial.candidate] <= 0.0 or hopeless:
+        hope = hopes[trial.candidate]
+        behind = number > 0 and (number >= _FINALISTS or hope < least)
+        if gains[trial.candidate] <= 0.0 or behind or hope < enough:
             done.append(trial)
             continue
         # where a rival has reached the noise already, a better place cannot beat it
@@ -235,7 +240,19 @@ def _arrived(search: Search, finals: Sequence[Refit]) -> list[Refit]:
 def _least_of_close(search: Search, finals: Sequence[Refit]) -> float:
     """Return the fall of the cost from which a refit is a close rival of the best one."""
     top = max((search.fit.cost - item.fit.cost for item in finals), default=0.0)
-    return rival_share(CLOSE, top, search.excess_left.total) * top
+    close = rival_share(CLOSE, top, search.excess_left.total) * top
+    return max(close, _least_of_hopeful(search))
+
+
+def _least_of_hopeful(search: Search) -> float:
+    """Return the fall of the cost from which a rough refit may yet become enough to be added.
+
+    Where what is clear is enough, a share of what is missing says nothing.
+    """
+    limits, missing = search.thresholds, search.excess_left
+    if not (search.effects or limits.has_structure(missing)):
+        return 0.0
+    return _SHORT * limits.least_share(missing) * missing.total
 
 
 def _with_its_shape(search: Search, trial: Refit) -> Refit:

@@ -37,10 +37,10 @@ def run(search: Search, progress: ProgressHook) -> None:
     _grow(search, progress)
     if search.effects and search.is_unexplained:
         progress("search", 0.8)
-        before = search.snapshot()
+        as_found = search.snapshot()
         if exchange(search):
             review(search)
-            if _is_elsewhere(search, before):
+            if _is_elsewhere(search, as_found):
                 _grow(search, progress)
     if search.is_unexplained and not (search.is_all_but_a_form or search.pairs_tried):
         progress("search", 0.9)

@@ -1,0 +1,77 @@
+"""Which candidates of a look are refitted to the end."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from known_search import LinearProblem, add, search_of, shape, start_of
+
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
+from eha_bench.diagnosis.search import look as module
+from eha_bench.diagnosis.search.state import Refit, Search
+
+FRICTION, EFFECT = "viscous_friction", "coulomb_friction"
+STRENGTH = "coulomb_friction.friction_force"
+
+
+def search_with(missing: float, significance: float) -> Search:
+    """A search of which `missing` of the cost is left, with structure in time or without."""
+    search = search_of(LinearProblem({FRICTION: 0.2 * shape(0.0), STRENGTH: shape(1.0)}, {}))
+    left = replace(search.excess_base, total=missing, significance=significance)
+    search.excess_base = search.excess_left = left
+    search.fit = replace(search.fit, cost=missing + 1000.0)
+    return search
+
+
+@pytest.mark.parametrize(("gain", "significance", "polished"), [
+    # 15 % of 10,000 are enough to be added: a rough refit that gains 3 % will not come to that
+    (300.0, 100.0, False),
+    (600.0, 100.0, True),
+    # without structure, what is clear is enough
+    (300.0, 0.0, True),
+])  # fmt: skip
+def test_what_cannot_be_added_is_not_refitted_to_the_end(
+    monkeypatch: pytest.MonkeyPatch, gain: float, significance: float, polished: bool
+) -> None:
+    search = search_with(10_000.0, significance)
+    trial = Refit(start_of(EFFECT), replace(search.fit, cost=search.fit.cost - gain), NOT_COMPARED)
+    done: list[str] = []
+
+    def polish(_: Search, rough: Any, extra: Any) -> Any:
+        done.append(extra[0].candidate)
+        return rough
+
+    monkeypatch.setattr(module, "polish_at_rest", polish)
+    assert module._refit_promising(search, [trial], {}, afresh=False) == [trial]
+    assert bool(done) is polished
+    # what a prediction promises may come to it
+    module._refit_promising(search, [trial], {EFFECT: 5000.0}, afresh=False)
+    assert done
+
+
+def test_close_rivals_that_cannot_be_added_are_left_as_they_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search = search_with(10_000.0, 100.0)
+    finals = [
+        Refit(start_of(name), replace(search.fit, cost=search.fit.cost - gain), NOT_COMPARED)
+        for name, gain in ((EFFECT, 300.0), ("gravity_load", 290.0))
+    ]
+    for name in ("at_the_bottom", "polish_to_the_bottom", "refine"):
+        monkeypatch.setattr(module, name, lambda *_: pytest.fail("fitted on"))
+    assert module._fit_rivals_further(search, finals) == finals
+
+
+def test_beside_an_effect_a_part_of_what_it_leaves_is_needed() -> None:
+    search = search_with(10_000.0, 0.0)
+    assert module._least_of_hopeful(search) == 0.0
+    add(search, EFFECT)
+    search.excess_left = replace(search.excess_left, total=10_000.0)
+    assert module._least_of_hopeful(search) == pytest.approx(450.0)
