@@ -9,6 +9,7 @@ import pytest
 from benchmarks.experiment_rigs import rigs_of
 
 from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.fit import evidence
 from eha_bench.diagnosis.fit.evidence import Excess, Groups, compare
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
@@ -104,3 +105,29 @@ def test_a_rival_in_a_long_valley_is_not_behind(tmp_path: Path) -> None:
     behind = {item.id: item.behind for item in found.rivals if item.standing != "runner_up"}
     assert behind.keys() >= {"gravity_load", "asymmetric_friction"}
     assert abs(behind["gravity_load"] - behind["asymmetric_friction"]) < 3.0
+
+
+@pytest.mark.parametrize(("outliers", "sure"), [
+    # a valve that opens a little sooner: four blocks lose what a hundred others gain
+    ((-426.0, -364.0, -243.0, -221.0), True),
+    # made by a few blocks, and a few speak against it
+    ((900.0, -426.0, -364.0), False),
+    # more is lost than gained
+    ((-426.0, -364.0, -243.0, -221.0, -900.0), False),
+])  # fmt: skip
+def test_few_blocks_that_speak_against_many_do_not_decide(
+    outliers: tuple[float, ...], sure: bool
+) -> None:
+    many = 4.0 if len(outliers) != 3 else 0.0
+    sums = many + 8.0 * np.random.default_rng(4).normal(size=340)
+    sums[: len(outliers)] = outliers
+    assert evidence._chance(sums, 0) > 0.01
+    assert (evidence._chance_without_few(sums) < DEFAULT.p_value) is sure
+
+
+def test_a_gain_that_is_none_is_rarely_taken_for_one() -> None:
+    """Of heavy tails of both signs, as few blocks are left out as there are draws beyond 3 sigma."""
+    rng = np.random.default_rng(8)
+    draws = rng.standard_t(2, size=(4000, 300))
+    chances = np.array([evidence._chance_without_few(sums) for sums in draws])
+    assert np.mean(chances < DEFAULT.p_value) < DEFAULT.p_value

@@ -44,7 +44,7 @@ _MAY_WIN = 0.8
 _LEAVES = 2.0
 """Most that two others may leave over short windows, in what was found leaves there: over long ones
 they have to leave less."""
-_BESIDE = 0.5
+_BESIDE = 1.0
 """Share of what a second effect has to explain of what the first leaves, from which the two are
 taken beyond short windows."""
 
