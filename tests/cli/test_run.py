@@ -44,6 +44,16 @@ def test_json_goes_to_standard_output_and_nothing_else_does(cli: Cli, suite: Pat
     assert json.loads(done.stdout)["suite"] == "tiny"
 
 
+def test_a_formula_is_summed_up_over_repeats(cli: Cli, suite: Path, tmp_path: Path) -> None:
+    text = SUITE.replace("max: 12 A}\n", "max: 12 A}\n      lift: <= 12 A\n")
+    text += "metrics:\n  lift: {expression: max(current), unit: A}\n"
+    suite.write_text(text, encoding="utf-8")
+    cli("run", suite, "--out", "out", check=0)
+    scored = cli("score", *(f"out/recordings/hold-{n}.mcap" for n in (0, 1)), "--json", check=0)
+    for result in (result_of(tmp_path / "out"), json.loads(scored.stdout)):
+        assert ("hold", "lift") in [(one["trial"], one["metric"]) for one in result["repeats"]]
+
+
 def test_a_missed_limit_is_exit_status_1(cli: Cli, suite: Path) -> None:
     suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
     done = cli("run", suite, "--out", "out", check=1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -94,14 +94,21 @@ def judge_together(
     return together
 
 
-def repeats_summaries(results: Sequence[TrialResult]) -> tuple[RepeatsSummary, ...]:
-    """Return every metric over the repeats of its trial, of repeats that came to their end."""
+def repeats_summaries(
+    results: Sequence[TrialResult], trials: Iterable[Trial]
+) -> tuple[RepeatsSummary, ...]:
+    """Return every metric over the repeats of its trial, of repeats that came to their end.
+
+    Args:
+        results: of one run, or of recordings. trials: what they were scored by.
+    """
+    by_id = {trial.id: trial for trial in trials}
     ended: dict[str, list[tuple[Score, ...]]] = {}
     for result in results:
         if result.status in (Status.PASSED, Status.FAILED):
             ended.setdefault(result.id, []).append(result.scores)
     return tuple(
-        summary for trial, repeats in ended.items() for summary in summaries(trial, repeats)
+        summary for name, repeats in ended.items() for summary in summaries(by_id[name], repeats)
     )
 
 
@@ -184,7 +191,7 @@ def score_recordings(
         trials=trials,
         provenance=provenance,
         description=suite.description if suite else "",
-        repeats=repeats_summaries(trials),
+        repeats=repeats_summaries(trials, used.values()),
     )
     return result, used
 

@@ -87,7 +87,7 @@ class _SuiteRun:
             },
             description=self.suite.description,
             # not at every save of a long run
-            repeats=repeats_summaries(trials) if complete else (),
+            repeats=repeats_summaries(trials, self.suite.trials) if complete else (),
             not_run=tuple(key for key in order if key not in self.done),
         )
 

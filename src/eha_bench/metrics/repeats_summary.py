@@ -8,15 +8,21 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import stdtrit
 
+from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.metric import Better
 from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.score import Measure, Score
+from eha_bench.core.trial import Trial
 from eha_bench.metrics.repeats import median
-from eha_bench.metrics.scoring import metric
 
 
-def summaries(trial: str, repeats: Sequence[tuple[Score, ...]]) -> tuple[RepeatsSummary, ...]:
-    """Return a summary of every metric and channel that two repeats or more were scored for."""
+def summaries(trial: Trial, repeats: Sequence[tuple[Score, ...]]) -> tuple[RepeatsSummary, ...]:
+    """Return a summary of every metric and channel that two repeats or more were scored for.
+
+    Args:
+        trial: what was repeated, with those of the suite's own metrics that it asks for.
+        repeats: the scores of each.
+    """
     grouped: dict[tuple[str, str], list[Score]] = {}
     for scores in repeats:
         # a metric may have several limits: it is still one value a repeat
@@ -28,7 +34,7 @@ def summaries(trial: str, repeats: Sequence[tuple[Score, ...]]) -> tuple[Repeats
         if len(measures) >= 2:
             found.append(
                 RepeatsSummary(
-                    trial=trial,
+                    trial=trial.id,
                     metric=name,
                     channel=channel,
                     unit=own[0].unit,
@@ -36,10 +42,18 @@ def summaries(trial: str, repeats: Sequence[tuple[Score, ...]]) -> tuple[Repeats
                     not_scored=len(repeats) - len(measures),
                     mean=mean(measures),
                     median=median(measures),
-                    worst=worst(measures, metric(name).spec.better),
+                    worst=worst(measures, _better(trial, name)),
                 )
             )
     return tuple(found)
+
+
+def _better(trial: Trial, name: str) -> Better:
+    """Return which of two values is the better one; unknown of a metric that is gone."""
+    try:
+        return trial.spec_of(name).better
+    except EhaBenchError:  # scores of an earlier run, which is resumed without a plug-in
+        return Better.UNKNOWN
 
 
 def mean(measures: Sequence[Measure]) -> Measure:
