@@ -25,6 +25,7 @@ trials:
 
 TARGET = """\
 import sys
+from dataclasses import replace
 
 from eha_bench.core.errors import InputError, SafetyStop, TargetFault
 from eha_bench.core.recording import Recording
@@ -40,11 +41,29 @@ WAYS = {
     "interrupt": lambda: (_ for _ in ()).throw(KeyboardInterrupt()),
 }
 
+GIVES = {
+    "itself": lambda made: made,
+    "nothing": lambda made: None,
+    "a recording": lambda made: made.recording,
+    "a list": lambda made: Outcome([1.0]),
+    "a word": lambda made: replace(made, ending="complete"),
+    "a number": lambda made: changed(made, metadata={"signal_start": 0.0}),
+    "no sample": lambda made: Outcome(made.recording.between(9.0, 9.5)),
+    "backwards": lambda made: changed(made, time=made.recording.time[::-1]),
+    "too few": lambda made: changed(made, values={"current": made.recording.time[:-2]}),
+    "what is missing": lambda made: made.recording["torque"],
+}
+
+
+def changed(made, **what):
+    return Outcome(replace(made.recording, **what))
+
 
 class Echo(Target):
     \"\"\"Gives back what is asked for; goes wrong where it is told to.\"\"\"
 
     def __init__(self, content):
+        self.gives = GIVES[content.pop("gives", "itself")]
         self.wrong = {key: WAYS[content[key]] for key in content if key != "target"}
         self.run_before = 0
         self.meet("init")
@@ -72,7 +91,8 @@ class Echo(Target):
         self.run_before += 1
         time = trial.clock()
         reference = trial.reference(time)
-        return Outcome(Recording(time, {"reference": reference, trial.channel: reference}))
+        made = Outcome(Recording(time, {"reference": reference, trial.channel: reference}))
+        return self.gives(made) if self.run_before > 1 else made
 
 
 def from_file(path, content):

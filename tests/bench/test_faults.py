@@ -71,6 +71,36 @@ def test_what_would_leave_with_another_status_is_a_fault(
     assert eha_bench.run(suite, echo(first=how), tmp_path / "out").status is Status.FAULT
 
 
+@pytest.mark.parametrize(
+    ("gives", "reason"),
+    [
+        ("nothing", "returned None, which is no Outcome, at "),
+        ("a recording", "returned a Recording, which is no Outcome, at "),
+        ("a list", "returned a list as its recording, at "),
+        ("a word", "returned 'complete' as how it ended, at "),
+        ("a number", "returned 0.0 for 'signal_start', which is no text, at "),
+        ("no sample", "recorded no sample of a run that it calls complete, at "),
+        ("backwards", "time does not increase, at "),
+        ("too few", "channel 'current' has 18 samples where time has 20, at "),
+        ("what is missing", "no channel 'torque' in the recording"),
+    ],
+)
+def test_what_is_no_recording_costs_its_own_trial(
+    suite: Path, echo: Echo, tmp_path: Path, gives: str, reason: str
+) -> None:
+    out = tmp_path / "out"
+    result = eha_bench.run(suite, echo(gives=gives), out)
+    first, second = result.trials
+    assert first.status is Status.PASSED
+    assert (second.status, second.recording) == (Status.FAULT, "")
+    assert "target 'echo'" in second.reason
+    assert reason in second.reason
+    assert re.search(r"; [\w ]+", second.reason), "names no way out"
+    assert re.search(r"echo_target.py:\d+ in (run|changed|<lambda>)", second.reason)
+    assert_all_say_fault(out, reason)
+    assert eha_bench.run(suite, echo(), out, resume=True).status is Status.PASSED
+
+
 def test_a_safety_stop_keeps_its_name(suite: Path, echo: Echo, tmp_path: Path) -> None:
     result = eha_bench.run(suite, echo(first="safety"), tmp_path / "out")
     assert result.status is Status.FAULT

@@ -14,7 +14,7 @@ from eha_bench.core.limit import Bounds
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.core.workers import ItemOutcome as Done
-from eha_bench.targets.crash import crashes_as_faults
+from eha_bench.targets.checked_run import checked_run
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 
 _GLANCE = 0.2
@@ -98,7 +98,7 @@ class PrecomputedTarget(Target):
         """
         if self._coming.starts_with(self._target, trial, repeat):
             return self._coming.take(stopping)
-        return self._target.run(trial, repeat, stopping)
+        return checked_run(self._target, trial, repeat, stopping)
 
     def __enter__(self) -> Self:
         """Take hold of the target."""
@@ -156,5 +156,4 @@ def ahead(jobs: Sequence[Job], workers: Workers) -> Iterator[Callable[[Target], 
 
 def _run(job: Job) -> Outcome:
     target, trial, repeat = job
-    with crashes_as_faults():
-        return target.run(trial, repeat)
+    return checked_run(target, trial, repeat, never)

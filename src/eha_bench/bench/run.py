@@ -38,6 +38,7 @@ from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
 from eha_bench.suites.reach import check_reach
+from eha_bench.targets.checked_run import checked_run
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.target import Ending, Journal, Outcome, Stopping, Target
 
@@ -370,7 +371,7 @@ def _outcome(
     try:
         with crashes_as_faults():
             target.keep_journal(journal)
-            return target.run(trial, repeat, stopping)
+        return checked_run(target, trial, repeat, stopping)
     except EhaBenchError as error:
         if error.exit_status == InputError.exit_status:
             raise
