@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.core import plugins
+from eha_bench.metrics import scoring
 
 SUITE = """\
 name: small
@@ -28,7 +29,9 @@ import sys
 from dataclasses import replace
 
 from eha_bench.core.errors import InputError, SafetyStop, TargetFault
+from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
+from eha_bench.metrics import Metric
 from eha_bench.targets.target import Identity, Outcome, Target
 
 WAYS = {
@@ -97,6 +100,22 @@ class Echo(Target):
 
 def from_file(path, content):
     return Echo(content)
+
+
+class Unfinished(Metric):
+    spec = MetricSpec("unfinished", "a metric without a measure")
+
+    def applies(self, trial):
+        return True
+"""
+
+POINTS = """\
+[eha_bench.targets]
+echo = echo_target:from_file
+
+[eha_bench.metrics]
+absent = echo_target_absent:Absent
+unfinished = echo_target:Unfinished
 """
 
 
@@ -116,12 +135,14 @@ def echo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[.
     info.mkdir(parents=True)
     (site / "echo_target.py").write_text(TARGET)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: echo-target\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[eha_bench.targets]\necho = echo_target:from_file\n")
+    (info / "entry_points.txt").write_text(POINTS)
     monkeypatch.syspath_prepend(str(site))
 
     def forget() -> None:
         plugins._entry_points.cache_clear()
         plugins._group.cache_clear()
+        scoring.metric.cache_clear()
+        scoring.all_metrics.cache_clear()
 
     def target(**wrong: str) -> Path:
         path = tmp_path / "target.yaml"

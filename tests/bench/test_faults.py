@@ -13,7 +13,7 @@ import pytest
 import eha_bench
 from eha_bench.cli.console import errors_as_sentences
 from eha_bench.cli.main import main
-from eha_bench.core.errors import InputError, TargetFault
+from eha_bench.core.errors import InputError, PluginError, TargetFault
 from eha_bench.core.result import Result, Status
 
 Echo = Callable[..., Path]
@@ -99,6 +99,33 @@ def test_what_is_no_recording_costs_its_own_trial(
     assert re.search(r"echo_target.py:\d+ in (run|changed|<lambda>)", second.reason)
     assert_all_say_fault(out, reason)
     assert eha_bench.run(suite, echo(), out, resume=True).status is Status.PASSED
+
+
+def test_a_metric_that_cannot_be_loaded_is_told_before_anything_runs(
+    suite: Path, echo: Echo, tmp_path: Path
+) -> None:
+    out, text = tmp_path / "out", suite.read_text()
+    suite.write_text(text.replace("accept: {", "scores: [unfinished]\n    accept: {", 1))
+    said = (
+        r"suite.yaml: trial 'first' cannot be scored: metric 'unfinished' does not define measure"
+    )
+    with pytest.raises(PluginError, match=said):
+        eha_bench.run(suite, echo(), out)
+    assert not out.exists()
+    suite.write_text(text)  # one that does not ask for it is run
+    assert eha_bench.run(suite, echo(), out).status is Status.PASSED
+
+
+def test_a_broken_plug_in_hides_no_other_one_of_a_list(
+    echo: Echo, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["eha-bench", "list", "metrics"])
+    with pytest.raises(SystemExit) as left:
+        main()
+    listed = capsys.readouterr().out
+    assert not left.value.code, listed
+    assert re.search(r"\nabsent +broken +metric 'absent' cannot be loaded \(ModuleNotFound", listed)
+    assert "\nrise_time " in listed
 
 
 def test_a_safety_stop_keeps_its_name(suite: Path, echo: Echo, tmp_path: Path) -> None:

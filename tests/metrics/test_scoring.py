@@ -1,8 +1,10 @@
 """Which scores a trial gets, and what limits say of them."""
 
 import math
+import re
 import time as clock
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -152,12 +154,44 @@ class Broken(Answer):
         raise ZeroDivisionError("oh")
 
 
+class Asking(Answer):
+    spec = MetricSpec("asking", "cannot say whether it applies", "")
+
+    def applies(self, trial):
+        return trial.colour == "blue"
+
+
+class Unmade(Answer):
+    spec = MetricSpec("unmade", "needs an argument", "")
+
+    def __init__(self, colour):
+        self.colour = colour
+
+
+class Unspecified(Answer):
+    spec = "unspecified"
+
+
+class Talking(Answer):
+    """Returns what it is told to."""
+
+    spec = MetricSpec("talking", "says what it is told to", "")
+    says: ClassVar[Any] = "hello"
+
+    def measure(self, recording, trial, channel):
+        return self.says
+
+
 @pytest.fixture
 def installed(monkeypatch):
     """Pretend that a package has registered metrics."""
-    extra = {"answer": Answer, "broken": Broken(), "nonsense": 3, "misnamed": Answer}
+    extra = {
+        "answer": Answer, "broken": Broken(), "nonsense": 3, "misnamed": Answer, "unmade": Unmade,
+        "asking": Asking, "talking": Talking, "unspecified": Unspecified,
+    }  # fmt: skip
+    more = ("answer", "broken", "unmade", "asking", "talking", "away")
     names, load = plugins.names, plugins.load
-    monkeypatch.setattr(plugins, "names", lambda group: (*names(group), "answer", "broken"))
+    monkeypatch.setattr(plugins, "names", lambda group: (*names(group), *more))
     monkeypatch.setattr(
         plugins, "load", lambda group, name, **at: extra.get(name) or load(group, name, **at)
     )
@@ -183,11 +217,53 @@ def test_a_unit_with_the_channels_in_it_is_that_of_the_recording(kit, monkeypatc
 def test_a_broken_plug_in_costs_its_own_score_only(kit, installed):
     found = {item.metric: item for item in score(*step(kit))}
     assert found["broken"].status is ScoreStatus.NOT_SCORED
-    assert "ZeroDivisionError" in found["broken"].measure.reason
+    reason = found["broken"].measure.reason
+    assert re.search(r"ZeroDivisionError: oh, at .*test_scoring.py:\d+ in measure", reason)
     assert found["rise_time"].status is ScoreStatus.PASSED
+    assert found["asking"].status is ScoreStatus.NOT_SCORED
+    assert re.search(r"AttributeError.*:\d+ in applies", found["asking"].measure.reason)
 
 
-@pytest.mark.parametrize("name", ["nonsense", "misnamed", "not_there"])
+@pytest.mark.parametrize(
+    ("says", "reason"),
+    [
+        ("hello", "metric 'talking' returned 'hello', which is no Measure, at "),
+        (None, "metric 'talking' returned None, which is no Measure, at "),
+        (Measure("high"), "returned 'high' as its value, which is no number, at "),
+        (Measure(1.0, 0.5, 1j), "returned a complex as its high, which is no number, at "),
+        (Measure(1.0, reason=3), "returned 3 as its reason, which is no text, at "),
+        (Measure(1.0, budget=0.1), "returned 0.1 as its budget, which is no Budget, at "),
+    ],
+)
+def test_what_is_no_measure_costs_its_own_score_only(kit, installed, monkeypatch, says, reason):
+    monkeypatch.setattr(Talking, "says", says)
+    found = {item.metric: item for item in score(*step(kit))}
+    assert found["talking"].status is ScoreStatus.NOT_SCORED
+    assert re.search(
+        re.escape(reason) + r".*test_scoring.py:\d+ in measure", found["talking"].reason
+    )
+    assert found["answer"].value == 42.0
+
+
+def test_numbers_of_a_plug_in_become_pythons_own(kit, installed, monkeypatch):
+    monkeypatch.setattr(Talking, "says", Measure(np.float32(0.5), np.array(0.25)))
+    found = {item.metric: item for item in score(*step(kit))}["talking"].measure
+    assert (found.value, found.low) == (0.5, 0.25)
+    assert {type(found.value), type(found.low)} == {float}
+
+
+def test_a_metric_that_cannot_be_loaded_stops_only_who_asks_for_it(kit, installed, caplog):
+    recording, trial = step(kit)
+    scoring.load_metrics([trial])
+    assert "left out: unknown metric 'away'" in caplog.text
+    assert "left out: metric 'unmade' cannot be made (TypeError" in caplog.text
+    assert {"unmade", "away"}.isdisjoint(item.metric for item in score(recording, trial))
+    asking = replace(trial, scores=(("unmade", ""),))
+    with pytest.raises(PluginError, match=r"trial '\w+' cannot be scored: metric 'unmade'"):
+        scoring.load_metrics([asking])
+
+
+@pytest.mark.parametrize("name", ["nonsense", "misnamed", "not_there", "unspecified"])
 def test_what_is_no_metric_is_said(installed, name):
     with pytest.raises(PluginError, match=name):
         scoring.metric(name)

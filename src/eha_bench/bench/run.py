@@ -35,6 +35,7 @@ from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import IN_PROCESS, Workers
+from eha_bench.metrics.scoring import load_metrics
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
 from eha_bench.suites.reach import check_reach
@@ -140,9 +141,10 @@ def run_suite(
     With `workers`, a simulated target runs trials ahead, several at a time, to the same recordings.
 
     Raises:
-        EhaBenchError: the suite cannot run on this target, `out` cannot be used, or what is to be
-            resumed is a run of something else.
+        EhaBenchError: the suite cannot run on this target, one of its metrics cannot be loaded,
+            `out` cannot be used, or what is to be resumed is a run of something else.
     """
+    load_metrics(suite.trials)
     broken = _fault_of_check(suite, target)
     digests = {"suite_sha256": suite.sha256, **target.identity.digests}
     folder = ResultFolder(_folder(out, resume=resume))

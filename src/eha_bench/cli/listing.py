@@ -17,6 +17,16 @@ Row = tuple[str, str, str]
 """Name, a word about it (unit, kind), one sentence."""
 
 
+def _or_broken(name: str, row: Callable[[str], Row]) -> Row:
+    """Return the row of a plug-in, or that it is broken: it may hide none of the others."""
+    from eha_bench.core.errors import PluginError
+
+    try:
+        return row(name)
+    except PluginError as error:
+        return name, "broken", str(error)
+
+
 def _suites() -> Iterator[Row]:
     from eha_bench.core.shipped import names
     from eha_bench.suites import load_suite
@@ -30,19 +40,24 @@ def _metrics() -> Iterator[Row]:
     from eha_bench.core import plugins
     from eha_bench.core.metric import METRICS, metric_spec
 
-    names = (*METRICS, *(name for name in plugins.names("metrics") if name not in METRICS))
-    for spec in map(metric_spec, names):
+    def row(name: str) -> Row:
+        spec = metric_spec(name)
         unit = "of its channel" if spec.unit is None else spec.unit or "-"
         needs = f" (needs {spec.needs.value})" if spec.needs else ""
-        yield spec.id, unit, spec.description + needs
+        return spec.id, unit, spec.description + needs
+
+    names = (*METRICS, *(name for name in plugins.names("metrics") if name not in METRICS))
+    yield from (_or_broken(name, row) for name in names)
 
 
 def _effects() -> Iterator[Row]:
     from eha_bench.core import plugins
 
-    for name in plugins.names("effects"):
+    def row(name: str) -> Row:
         effect = plugins.load("effects", name)
-        yield name, ", ".join(effect.actions), _sentence(effect.summary)
+        return name, ", ".join(effect.actions), _sentence(effect.summary)
+
+    yield from (_or_broken(name, row) for name in plugins.names("effects"))
 
 
 def _plants() -> Iterator[Row]:
@@ -79,19 +94,24 @@ def _targets() -> Iterator[Row]:
         "fmu": "a plant of another tool, as an FMU",
         "simulator": "a model.yaml under a controller.yaml",
     }
-    for name in plugins.names("targets"):
+
+    def row(name: str) -> Row:
         made_by = None if name in kinds else plugins.load("targets", name)
         what = kinds.get(name) or _sentence(getattr(made_by, "__doc__", "") or "from a plug-in")
-        yield f"target: {name}", "in a target.yaml", what
+        return f"target: {name}", "in a target.yaml", what
+
+    yield from (_or_broken(name, row) for name in plugins.names("targets"))
 
 
 def _signals() -> Iterator[Row]:
     from eha_bench.core import plugins
 
-    for name in plugins.names("signals"):
+    def row(name: str) -> Row:
         signal = plugins.load("signals", name)
         keys = [field.alias or key for key, field in signal.model_fields.items() if key != "kind"]
-        yield name, ", ".join(keys) or "-", _sentence(signal.__doc__ or "")
+        return name, ", ".join(keys) or "-", _sentence(signal.__doc__ or "")
+
+    yield from (_or_broken(name, row) for name in plugins.names("signals"))
 
 
 LISTS: Final[dict[str, Callable[[], Iterator[Row]]]] = {

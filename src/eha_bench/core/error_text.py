@@ -33,6 +33,22 @@ def error_text(error: BaseException) -> str:
     return f"{what}, at {frame.filename}:{frame.lineno} in {frame.name}" if frame else what
 
 
+def place_of(function: object) -> str:
+    """Return where a function is written, to stand behind what it did: `, at my_law.py:7 in step`.
+
+    Of what is not written in Python it is "".
+    """
+    code = getattr(function, "__code__", None)
+    return f", at {code.co_filename}:{code.co_firstlineno} in {code.co_name}" if code else ""
+
+
+def shown(value: object) -> str:
+    """Return a value as a sentence names it: a number or a text itself, else its type."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return shorten(repr(value), _LONGEST, placeholder=" ...")
+    return f"a {type(value).__name__}"
+
+
 def _place(frames: traceback.StackSummary) -> traceback.FrameSummary | None:
     """Return the innermost frame of the user's own code, else of what the bench had called.
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 
 from eha_bench.core import plugins
 from eha_bench.core.channels import unit_of
+from eha_bench.core.error_text import error_text
 from eha_bench.core.errors import (
     EhaBenchError,
     InputError,
@@ -17,10 +20,10 @@ from eha_bench.core.errors import (
     UnitError,
 )
 from eha_bench.core.limit import AcceptanceLimit
-from eha_bench.core.metric import METRICS
+from eha_bench.core.metric import METRICS, MetricSpec
 from eha_bench.core.plugin_class import check_attributes, check_class
 from eha_bench.core.recording import Recording
-from eha_bench.core.score import Measure, Score
+from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.core.units import factor_and_offset
@@ -28,7 +31,9 @@ from eha_bench.metrics.acceptance import judge
 from eha_bench.metrics.formula_metric import FormulaMetric
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.recorded import bind
+from eha_bench.metrics.returned import as_measure
 
+_LOG = logging.getLogger("eha_bench")
 _BEYOND = "the value is beyond the largest number"
 
 
@@ -42,25 +47,64 @@ def metric(name: str) -> Metric:
     found = plugins.load("metrics", name)
     if isinstance(found, type) and issubclass(found, Metric):
         check_class(found, Metric, f"metric '{name}'")
-        found = found()
+        found = _made(found, name)
     if isinstance(found, Metric):
         check_class(type(found), Metric, f"metric '{name}'")
         check_attributes(found, Metric, f"metric '{name}'")
-    if not isinstance(found, Metric) or found.spec.id != name:
+    spec = found.spec if isinstance(found, Metric) else None
+    if not isinstance(spec, MetricSpec) or spec.id != name:
         raise PluginError(
             f"entry point '{name}' of eha_bench.metrics does not name a metric of this id",
             hint="it must name a subclass of eha_bench.metrics.Metric with this id in its spec",
         )
+    assert isinstance(found, Metric)
     return found
+
+
+def _made(kind: type[Metric], name: str) -> Metric:
+    try:
+        return kind()
+    except Exception as error:
+        raise PluginError(
+            f"metric '{name}' cannot be made ({error_text(error)})",
+            hint="it is made without arguments",
+        ) from error
 
 
 @cache
 def all_metrics() -> dict[str, Metric]:
-    """Return every installed metric by id: in the order of the public table, then by name."""
+    """Return every installed metric by id: in the order of the public table, then by name.
+
+    One that cannot be loaded is left out with a note: only who asks for it is stopped by it.
+    """
     installed = plugins.names("metrics")
     known = [name for name in METRICS if name in installed]
-    others = [name for name in installed if name not in METRICS]
-    return {name: metric(name) for name in (*known, *others)}
+    found = {}
+    for name in (*known, *(name for name in installed if name not in METRICS)):
+        try:
+            found[name] = metric(name)
+        except PluginError as error:
+            _LOG.warning("note: left out: %s", error)
+    return found
+
+
+def load_metrics(trials: Iterable[Trial]) -> None:
+    """Load every metric that will score recordings of trials, before anything moves for them.
+
+    Raises:
+        PluginError: one that a trial asks for cannot be loaded, with the suite's file.
+    """
+    all_metrics()
+    for trial in trials:
+        asked = [limit.metric for limit in trial.limits] + [name for name, _ in trial.scores]
+        inputs = [name for own in trial.own_metrics for name in own.formula.metrics]
+        for name in dict.fromkeys((*asked, *inputs)):
+            try:
+                metric_in(trial, name)
+            except PluginError as error:
+                what = f"trial '{trial.id}' cannot be scored: {error.what}"
+                where = Place(file=trial.mode.where.file)
+                raise PluginError(what, where=where, hint=error.hint) from error
 
 
 def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
@@ -81,17 +125,24 @@ def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
     recording, trial = bind(recording, trial)
     wanted = _limits_of(trial)
     have = {(name, channel) for name, channel, _ in wanted}
-    defaults = [
-        (name, candidate.spec.channel_for(trial.channel))
-        for name, candidate in all_metrics().items()
-        if candidate.by_default and candidate.applies(trial)
-    ]
+    defaults: list[tuple[str, str]] = []
+    broken: list[Score] = []
+    for name, candidate in all_metrics().items():
+        channel = candidate.spec.channel_for(trial.channel)
+        try:
+            if candidate.by_default and candidate.applies(trial):
+                defaults.append((name, channel))
+        except Exception as error:  # as in `measure_safely`
+            unit, why = _unit(candidate, recording, trial, channel), _reason(candidate, error)
+            measure = Measure.none(why)
+            broken.append(Score(name, channel, measure, unit, ScoreStatus.NOT_SCORED))
     asked = [(name, _channel(name, channel, trial)) for name, channel in trial.scores]
     for pair in (*asked, *defaults):
         if pair not in have:
             have.add(pair)
             wanted.append((*pair, None))
-    return tuple(_score(recording, trial, *item) for item in wanted)
+    found = (_score(recording, trial, *item) for item in wanted)
+    return (*found, *(item for item in broken if (item.metric, item.channel) not in have))
 
 
 def score_limits(recording: Recording, trial: Trial) -> tuple[Score, ...]:
@@ -215,7 +266,7 @@ def _reason(found: Metric, error: Exception) -> str:
         case OverflowError():  # of Python's own numbers; NumPy's become infinite
             return _BEYOND
         case _:
-            return f"metric '{found.spec.id}' failed ({type(error).__name__}: {error})"
+            return f"metric '{found.spec.id}' failed ({error_text(error)})"
 
 
 def measure_safely(found: Metric, recording: Recording, trial: Trial, channel: str) -> Measure:
@@ -227,7 +278,7 @@ def measure_safely(found: Metric, recording: Recording, trial: Trial, channel: s
             # numbers near the ends of the floating-point range overflow inside; what is not finite
             # in the end is not scored, so the warning would say it twice
             warnings.simplefilter("ignore", RuntimeWarning)
-            measure = found.measure(recording, trial, channel)
+            measure = as_measure(found.measure(recording, trial, channel), found)
     except Exception as error:  # a plug-in's fault must not cost the run's other scores
         return Measure.none(_reason(found, error))
     if measure.value == measure.value and abs(measure.value) == float("inf"):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from eha_bench.core.error_text import error_text
+from eha_bench.core.error_text import error_text, place_of, shown
 from eha_bench.core.errors import MissingChannelError, RecordingError, TargetFault
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
@@ -37,39 +37,28 @@ def checked_run(target: Target, trial: Trial, repeat: int, stopping: Stopping) -
             ) from error
         wrong, hint = _mistake(outcome)
         if wrong:
-            raise TargetFault(f"target '{name}' {wrong}{_place(target)}", hint=hint)
+            raise TargetFault(f"target '{name}' {wrong}{place_of(type(target).run)}", hint=hint)
     return outcome
 
 
 def _mistake(outcome: Any) -> tuple[str, str]:
     """Return what is wrong with an outcome and the way out, "" twice where nothing is."""
     if not isinstance(outcome, Outcome):
-        return f"returned {_shown(outcome)}, which is no Outcome", _RETURN
-    recording, ending = outcome.recording, outcome.ending
+        return f"returned {shown(outcome)}, which is no Outcome", _RETURN
+    recording: Any = outcome.recording
+    ending: Any = outcome.ending
     if not isinstance(recording, Recording):
-        return f"returned {_shown(recording)} as its recording", "make it eha_bench.Recording(...)"
+        return f"returned {shown(recording)} as its recording", "make it eha_bench.Recording(...)"
     if not isinstance(ending, Ending):
         known = ", ".join(f"Ending.{item.name}" for item in Ending)
-        return f"returned {_shown(ending)} as how it ended", f"known: {known}"
-    texts = {"reason": outcome.reason, **recording.metadata, **recording.units}
+        return f"returned {shown(ending)} as how it ended", f"known: {known}"
+    texts: dict[Any, Any] = {"reason": outcome.reason, **recording.metadata, **recording.units}
     for key, text in texts.items():
         if not isinstance(key, str) or not isinstance(text, str):
-            what = f"{_shown(text)} for '{key}'"
+            what = f"{shown(text)} for '{key}'"
             return f"returned {what}, which is no text", "reason, metadata and units are text"
     if not len(recording) and ending is Ending.COMPLETE:
         return "recorded no sample of a run that it calls complete", (
             "record every tick, or return how it ended and why: Ending.FAULT, Ending.INTERRUPTED"
         )
     return "", ""
-
-
-def _shown(value: object) -> str:
-    """Return a value for a sentence: itself, or its type where that says as much."""
-    simple = value is None or isinstance(value, bool | int | float | str)
-    return repr(value) if simple else f"a {type(value).__name__}"
-
-
-def _place(target: Target) -> str:
-    """Return where a target's run is written, as behind what code has raised."""
-    code = getattr(type(target).run, "__code__", None)
-    return f", at {code.co_filename}:{code.co_firstlineno} in run" if code else ""
