@@ -9,6 +9,7 @@ from pathlib import Path
 from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
+from eha_bench.bench.safety import breach, unchecked
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.progress import Progress, silent
@@ -36,22 +37,28 @@ Scorer = Callable[[Recording, Trial], tuple[Score, ...]]
 
 
 def judge(recording: Recording, trial: Trial, repeat: int, scorer: Scorer = score) -> TrialResult:
-    """Return a trial's scores and status; the recording's place is filled in by the caller."""
+    """Return a trial's scores and status; the recording's place is filled in by the caller.
+
+    A recording that was beyond a safety limit is that of a fault, as of a run that was stopped.
+    """
     scores = scorer(recording, trial)
     unhealthy = recording.metadata.get("loop_unhealthy", "")
     reason = f"not scored: loop: {unhealthy}" if unhealthy else ""
     loop = loop_note(recording.metadata)
     if unhealthy:
         scores = tuple(_withheld(item, reason) for item in scores)
+    status = Status.INCOMPLETE if unhealthy else _status(scores)
+    unsafe = breach(recording, trial)
+    notes = (*recording.notes, *_ends_early(recording, trial), *unchecked(recording, trial))
     return TrialResult(
         id=trial.id,
         repeat=repeat,
-        status=Status.INCOMPLETE if unhealthy else _status(scores),
+        status=Status.FAULT if unsafe else status,
         recording="",
         sha256="",
         scores=scores,
-        reason=reason,
-        notes=(*recording.notes, *_ends_early(recording, trial), *([loop] if loop else [])),
+        reason=unsafe or reason,
+        notes=(*notes, *([loop] if loop else [])),
         definition=definition_of(trial.source),
     )
 
@@ -151,16 +158,17 @@ def score_recordings(
             check_reference(recording, chosen, Place(file=str(path)))
         repeat = sum(result.id == chosen.id for result in done)
         judged = judge(recording, chosen, repeat)
+        status, reason = _ended(recording, judged)
         used[chosen.id, repeat] = chosen
         done.append(
             TrialResult(
                 id=judged.id,
                 repeat=repeat,
-                status=_unfinished_status(recording) or judged.status,
+                status=status,
                 recording=str(path),
                 sha256=file_sha256(path) if path.is_file() else "",
                 scores=judged.scores,
-                reason=recording.metadata.get("ending_reason", "") or judged.reason,
+                reason=reason,
                 notes=(*judged.notes, *_of_another(recording, chosen)),
                 definition=judged.definition,
             )
@@ -194,6 +202,18 @@ def score_recordings(
         repeats=repeats_summaries(trials, used.values()),
     )
     return result, used
+
+
+def _ended(recording: Recording, judged: TrialResult) -> tuple[Status, str]:
+    """Return the status of a scored recording and why: as the run of it ended, or as judged.
+
+    A fault is one even where the run was interrupted later.
+    """
+    unfinished = _unfinished_status(recording)
+    if judged.status is Status.FAULT and unfinished is not Status.FAULT:
+        return judged.status, judged.reason
+    reason = recording.metadata.get("ending_reason", "") or judged.reason
+    return unfinished or judged.status, reason
 
 
 def _unfinished_status(recording: Recording) -> Status | None:

@@ -18,6 +18,7 @@ from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.judging import judge, judge_together, repeats_summaries
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
+from eha_bench.bench.safety import breach
 from eha_bench.bench.stop_condition import StopCondition
 from eha_bench.bench.store import SuiteFolder
 from eha_bench.core.errors import (
@@ -329,6 +330,7 @@ def _run_one(
     outcome = _outcome(run.target, trial, repeat, stopping, Journal(path, metadata, attachments))
     if outcome.ending is Ending.INTERRUPTED and isinstance(stopping, StopCondition):
         outcome = replace(outcome, reason=stopping.reason)
+    outcome = _kept_safe(outcome, trial)
     ending, reason = outcome.ending, outcome.reason
     relative = path.relative_to(run.folder.path).as_posix()
     metadata |= outcome.recording.metadata
@@ -379,6 +381,17 @@ def _outcome(
             raise
         # a fault or a crash in another process has come as a WorkError
         return Outcome(Recording(np.zeros(0), {}), _ending_of(error), str(error))
+
+
+def _kept_safe(outcome: Outcome, trial: Trial) -> Outcome:
+    """Return an outcome; as a safety stop where the target ran on beyond a safety limit."""
+    if outcome.ending not in (Ending.COMPLETE, Ending.INTERRUPTED):
+        return outcome
+    broken = breach(outcome.recording, trial)
+    if not broken:
+        return outcome
+    reason = f"{broken}, and the target ran on; let its run ask trial.violation(...) at every tick"
+    return replace(outcome, ending=Ending.SAFETY_STOP, reason=reason)
 
 
 def _metadata(run: _SuiteRun, trial: Trial, repeat: int) -> dict[str, str]:

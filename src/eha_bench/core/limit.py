@@ -112,6 +112,11 @@ class SafetyLimit:
     text: str
     unit: str = ""
 
+    @property
+    def si_unit(self) -> str:
+        """SI unit of the channel; "" where it is not known."""
+        return self.unit or unit_of(self.channel)
+
     def broken_by(self, value: float) -> str:
         """Return what a value outside of it broke, as a sentence in the limit's own unit.
 
@@ -119,7 +124,7 @@ class SafetyLimit:
         """
         if math.isnan(value):
             return f"safety limit {self.channel} {self.text}: no value"
-        unit = self.unit or unit_of(self.channel)
+        unit = self.si_unit
         found = f"{value:.6g} {unit}".rstrip()
         for word in reversed(_WORD.findall(self.text)):
             si, factor, offset = COMMON.get(word, ("", 1.0, 0.0))
