@@ -242,7 +242,8 @@ def tune(  # noqa: PLR0913 - as the options of the command
         posterior: diagnosis.json or calibration.json; the one next to the model that wrote it if
             None, and no probability where there is none.
         conditions: as for `probability`.
-        draws: machines that the best is proven on. candidates: gains that are tried in all.
+        draws: machines that the best is proven on.
+        candidates: gains that are tried; more where none passes.
         robust: `worst` or `cvar` in place of P(pass). seed: of search and draws.
         workers: number of processes, dask://host:port or ray://host:port.
         progress: called after every generation.

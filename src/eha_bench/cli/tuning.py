@@ -47,7 +47,10 @@ def tune(  # noqa: PLR0913, PLR0917 - the options of a command
         ),
     ] = 200,
     candidates: Annotated[
-        int, typer.Option("--candidates", min=8, help="Number of candidates that are tried.")
+        int,
+        typer.Option(
+            "--candidates", min=8, help="Number of candidates that are tried; more if none passes."
+        ),
     ] = 240,
     robust: Annotated[
         str | None,

@@ -62,7 +62,8 @@ class SearchEffort:
     """How much is tried.
 
     Attributes:
-        candidates: gains that are tried in all. few: draws that the second search uses.
+        candidates: gains that are tried; more where none passes.
+        few: draws that the second search uses.
         draws: that the best is proven on. seed: of search and draws.
     """
 
