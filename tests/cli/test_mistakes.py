@@ -199,6 +199,14 @@ MISTAKES = [
         "600 deg cannot be reached",
         "ask for less",
     ),
+    Mistake(
+        "suite.yaml",
+        "setup: {piston: locked}",
+        "setup: {initial: {joint_angle: 500 deg}}",
+        "defaults.setup.initial.joint_angle",
+        "500 deg cannot be reached",
+        "ask for less",
+    ),
     # --- suite.yaml: limits
     Mistake(
         "suite.yaml",
@@ -525,6 +533,11 @@ TUNE = ("tune", "suite.yaml", "--model", "model.yaml", "--vary", "mine.yaml", "-
          "mine.yaml:2, key 'over.gains.pressure.k_p'", "give each value once"),
         ("vary:\n  pressure.k_p: {from: 3 MPa, to: 9 MPa}\n", TUNE,
          "mine.yaml:2, key 'vary.pressure.k_p.from'", "dimension of A/Pa"),
+        ("trials:\n- id: a\n  mode: current\n  duration: 1 s\n"
+         "  signal: {kind: constant, value: 0 A}\n"
+         "  setup: {initial: {piston_position: 5 m}}\n",
+         ("run", "mine.yaml", "--target", "target.yaml", "--out", "out"),
+         "mine.yaml:6, key 'trials.a.setup.initial.piston_position'", "between -0.04 and 0.04 m"),
         ("", ("history", "nowhere"), "nowhere", "give a folder of result folders"),
         ("", ("before-after", "nowhere", "elsewhere"), "nowhere", "give the folders that"),
         ("", ("channels", "nothing.csv"), "nothing.csv", "check its path"),

@@ -137,12 +137,14 @@ class Setup:
         bypass: closed or open.
         initial: start values by channel, SI.
         units: SI units of those among them that eha_bench does not know, by the suite's quantities.
+        places: where the suite says them.
     """
 
     piston: Piston = Piston.FREE
     bypass: Bypass = Bypass.CLOSED
     initial: dict[str, float] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from eha_bench.suites.acceptance.margins import margins
 from eha_bench.suites.identifiers import check_identifier
 from eha_bench.suites.matrix import expand
 from eha_bench.suites.own_metrics import OwnMetrics, needed_metrics, own_metrics
-from eha_bench.suites.reach import ANYWHERE, asked_levels, check_reach
+from eha_bench.suites.reach import asked_levels, check_anywhere
 from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
 from eha_bench.suites.suite import Suite
 from eha_bench.suites.suite_file import RunKeys, SuiteFile, TrialFile
@@ -173,8 +173,7 @@ def _trial(
     judged = Judgement((), ())
     safety: tuple[SafetyLimit, ...] = ()
     matters: dict[str, EquivalenceMargin] = {}
-    initial: dict[str, float] = {}
-    units: dict[str, str] = {}
+    setup = Setup(run.setup.piston, run.setup.bypass)
     with mistakes:
         accept, scores = own.readable(content.at("accept")), content.at("scores")
         judged = judgement(accept, scores, mode, name, baseline, reference, specs)
@@ -183,12 +182,15 @@ def _trial(
     with mistakes:
         matters = margins(own.readable(content.at("matters")), mode, specs)
     with mistakes:
-        initial, units = _initial(content.at("setup", "initial"), run.setup.initial)
+        start = content.at("setup", "initial")
+        initial, units = _initial(start, run.setup.initial)
+        places = {name: start.place((name,)) for name in initial}
+        setup = replace(setup, initial=initial, units=units, places=places)
     trial = Trial(
         id=name,
         signal=reference,
         mode=mode,
-        setup=Setup(run.setup.piston, run.setup.bypass, initial, units),
+        setup=setup,
         duration=duration,
         settle=run.settle,
         sample_rate=run.sample_rate,
@@ -200,13 +202,12 @@ def _trial(
         margins=matters,
         description=run.description.strip(),
         own_metrics=needed_metrics(own.by_id, _metrics_of(judged)),
-        levels=asked_levels(mode.channel, initial, signal, content),
+        levels=asked_levels(mode.channel, setup.initial, signal, content),
     )
     with mistakes:
         _check_sampling(trial, content)
     with mistakes:
-        if trial.channel in ANYWHERE:
-            check_reach(trial, ANYWHERE[trial.channel], "the angle between two links is from")
+        check_anywhere(trial)
     mistakes.tell()
     return replace(trial, source=source_of(trial, signal))
 

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from eha_bench.core.errors import InputError
+from eha_bench.core.channels import unit_of
+from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import Bounds
 from eha_bench.core.located import Located
 from eha_bench.core.trial import AskedLevel, Trial
@@ -55,6 +56,22 @@ def _numbers(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
         yield (), float(value)
 
 
+def check_anywhere(trial: Trial) -> None:
+    """Raise an InputError where a trial asks for, or starts at, what no target can reach.
+
+    Args:
+        trial: its levels and its setup know where they were written.
+    """
+    why = "the angle between two links is from"
+    for name, bounds in ANYWHERE.items():
+        if trial.channel == name:
+            check_reach(trial, bounds, why)
+        start, places = trial.setup.initial, trial.setup.places
+        if name in start:
+            level = AskedLevel(start[name], start[name], places.get(name, Place()))
+            _check_level(level, bounds, unit_of(name), why)
+
+
 def check_reach(trial: Trial, bounds: Bounds, why: str) -> None:
     """Raise an InputError where a trial asks for what lies beyond the bounds (SI).
 
@@ -63,14 +80,18 @@ def check_reach(trial: Trial, bounds: Bounds, why: str) -> None:
         bounds: of the channel that the trial controls.
         why: what the bounds are, for the message: 'the knee of simulator goes from'.
     """
-    low, high = bounds.low - _SLACK, bounds.high + _SLACK
     for level in trial.levels:
-        if level.low < low or level.high > high:
-            wrong = level.low if level.low < low else level.high
-            unit, factor = _SHOWN.get(trial.mode.unit, (trial.mode.unit, 1.0))
-            raise InputError(
-                f"{factor * wrong:.4g} {unit} cannot be reached: {why} "
-                f"{factor * bounds.low:.4g} to {factor * bounds.high:.4g} {unit}",
-                where=level.where,
-                hint="ask for less, or name a target that goes that far",
-            )
+        _check_level(level, bounds, trial.mode.unit, why)
+
+
+def _check_level(level: AskedLevel, bounds: Bounds, si_unit: str, why: str) -> None:
+    low, high = bounds.low - _SLACK, bounds.high + _SLACK
+    if level.low < low or level.high > high:
+        wrong = level.low if level.low < low else level.high
+        unit, factor = _SHOWN.get(si_unit, (si_unit, 1.0))
+        raise InputError(
+            f"{factor * wrong:.4g} {unit} cannot be reached: {why} "
+            f"{factor * bounds.low:.4g} to {factor * bounds.high:.4g} {unit}",
+            where=level.where,
+            hint="ask for less, or name a target that goes that far",
+        )

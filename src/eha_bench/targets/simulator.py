@@ -255,7 +255,7 @@ class Simulator(Target):
             InputError: the plant has no such state, or the start is outside its range.
         """
         plant, ranges = self._plant, self._plant.position_range(self._vector)
-        asked = dict(trial.setup.initial)
+        asked, places = dict(trial.setup.initial), trial.setup.places
         follows = trial.channel in plant.references and plant.followed_by(trial.channel)
         moved = follows or trial.channel
         led = moved in ranges or (self.imposes(trial) and moved in plant.roles.rate_of)
@@ -269,6 +269,7 @@ class Simulator(Target):
                     raise InputError(
                         f"trial '{trial.id}' starts at a {name}, which is not a state of "
                         f"{plant.id}",
+                        where=places.get(name),
                         hint=f"it has: {', '.join((*plant.states, *ranges))}",
                     )
                 initial |= behind
@@ -278,6 +279,7 @@ class Simulator(Target):
                 unit = plant.units[name]
                 raise InputError(
                     f"trial '{trial.id}' starts at a {name} of {value:g} {unit}, outside its range",
+                    where=places.get(name),
                     hint=f"it can be between {low:.4g} and {high:.4g} {unit}",
                 )
         return plant.unbent(initial)
