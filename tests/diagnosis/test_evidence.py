@@ -121,13 +121,13 @@ def test_few_blocks_that_speak_against_many_do_not_decide(
     many = 4.0 if len(outliers) != 3 else 0.0
     sums = many + 8.0 * np.random.default_rng(4).normal(size=340)
     sums[: len(outliers)] = outliers
-    assert evidence._chance(sums, 0) > 0.01
-    assert (evidence._chance_without_few(sums) < DEFAULT.p_value) is sure
+    assert evidence._chance(float(sums.sum()), sums, 0) > 0.01
+    assert (evidence._chance_without_few(float(sums.sum()), sums) < DEFAULT.p_value) is sure
 
 
 def test_a_gain_that_is_none_is_rarely_taken_for_one() -> None:
-    """Of heavy tails of both signs, as few blocks are left out as there are draws beyond 3 sigma."""
+    """Of sums with heavy tails of both signs and a mean of zero."""
     rng = np.random.default_rng(8)
     draws = rng.standard_t(2, size=(4000, 300))
-    chances = np.array([evidence._chance_without_few(sums) for sums in draws])
+    chances = np.array([evidence._chance_without_few(float(sums.sum()), sums) for sums in draws])
     assert np.mean(chances < DEFAULT.p_value) < DEFAULT.p_value

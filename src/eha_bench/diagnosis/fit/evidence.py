@@ -324,18 +324,18 @@ NOT_COMPARED = Improvement(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 """What stands where nothing has been compared yet: no gain."""
 
 
-def _chance(sums: FloatArray, seed: int) -> float:
-    """Return the probability that what blocks gain is no gain, by resampling them, (n,)."""
+def _chance(gain: float, sums: FloatArray, seed: int) -> float:
+    """Return the probability that a gain is none, by resampling what blocks gain of it, (n,)."""
     generator = np.random.default_rng(seed)
     draws = generator.integers(0, sums.size, size=(1000, sums.size))
     totals = sums[draws].sum(axis=1)
     spread = float(totals.std()) or 1e-300
     # what acts in few blocks makes sums that are far from normal, and never a loss
     counted = max(_COUNTED, float(np.mean(totals <= 0.0)))
-    return min(float(ndtr(-float(sums.sum()) / spread)), counted)
+    return min(float(ndtr(-gain / spread)), counted)
 
 
-def _chance_without_few(sums: FloatArray) -> float:
+def _chance_without_few(gain: float, sums: FloatArray) -> float:
     """Return the same where a few blocks speak against what nearly all gain; else 1.
 
     Where a valve opens, or a rod breaks loose, a little sooner, one block may lose more than a
@@ -345,10 +345,10 @@ def _chance_without_few(sums: FloatArray) -> float:
     """
     typical = float(np.median(np.abs(sums))) / 0.6745
     held = np.clip(sums, -_OUTLYING * typical, _OUTLYING * typical)
-    gain, spread = float(held.sum()), float(held.std()) * np.sqrt(sums.size)
-    if not (gain > float(sums.sum()) > 0.0 and spread > 0.0):
+    more, spread = float(held.sum() - sums.sum()), float(held.std()) * np.sqrt(sums.size)
+    if not (more > 0.0 and gain > 0.0 and spread > 0.0):
         return 1.0
-    return float(ndtr(-gain / spread))
+    return float(ndtr(-(gain + more) / spread))
 
 
 def compare(
@@ -362,7 +362,7 @@ def compare(
     difference = out_before - left_out(after, groups)
     gain_out = float(difference.sum())
     sums = np.array([float(difference[rows].sum()) for rows in groups.blocks])
-    p_value = min(_chance(sums, seed), _chance_without_few(sums))
+    p_value = min(_chance(gain_out, sums, seed), _chance_without_few(gain_out, sums))
     per_run = np.array([float(difference[rows].sum()) for rows in groups.runs])
     # beliefs are of no run: each has its part of what they gain
     per_run += (gain_out - per_run.sum()) / max(per_run.size, 1)
