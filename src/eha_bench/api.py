@@ -10,12 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from eha_bench.bench.folder import REPORTS
 from eha_bench.bench.judging import RECORDINGS, score_recordings
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.store import SuiteFolder
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place, TargetFault
+from eha_bench.core.input_files import noting_inputs
 from eha_bench.core.interruption import signals_raised_after
 from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.progress import Progress, silent
@@ -26,8 +28,10 @@ from eha_bench.core.trial import Trial
 from eha_bench.core.workers import workers_from
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.diagnose import diagnose as close_the_loop
+from eha_bench.diagnosis.outcome.diagnosis import WRITTEN as DIAGNOSIS_FILES
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.experiment.files import dataset_path, suite_path, write_proposal
+from eha_bench.experiment.hypothesis import read_question
 from eha_bench.experiment.proposal import Proposal
 from eha_bench.experiment.propose import ASKED, WITHIN, propose
 from eha_bench.posterior.file import beside, read_posterior
@@ -36,13 +40,13 @@ from eha_bench.report import append_step_summary, markdown_summary, write_junit,
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.experiment_report import write_experiment_report
 from eha_bench.report.page import Fact
-from eha_bench.report.probability_page import write_probability_page
+from eha_bench.report.probability_page import PAGE, write_probability_page
 from eha_bench.report.sweep_page import POINTS, write_sweep_page
 from eha_bench.report.tuning_page import write_tuning_page
 from eha_bench.suites import Suite, load_suite
 from eha_bench.sweeps.case import case_of
 from eha_bench.sweeps.conditions import ANY, conditions_of
-from eha_bench.sweeps.probability import Probability, judged_only
+from eha_bench.sweeps.probability import SUMMARY, Probability, judged_only
 from eha_bench.sweeps.probability import probability as passing
 from eha_bench.sweeps.sweep import SweepResult, prepared_sweep, run_sweep
 from eha_bench.sweeps.sweep_file import load_sweep
@@ -56,6 +60,7 @@ from eha_bench.tuning.tune import SearchEffort, Tuned, gains_space
 from eha_bench.tuning.tune import tune as find_gains
 from eha_bench.tuning.vary_file import load_vary
 
+PROBABILITY_FILES = (SUMMARY, PAGE)
 Loader = Callable[[], Recording]
 Given: TypeAlias = str | Path | Mapping[str, Any]
 """A file, the name of a shipped one, or a dict of what the file would hold."""
@@ -192,17 +197,20 @@ def probability(
     Raises:
         EhaBenchError: bad input, or the posterior of another model.
     """
-    loaded = load_suite(suite)
-    case = case_of(loaded, target_for(loaded, target))
-    known = read_posterior(Path(posterior), case.simulator.model)
-    met = conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY
+    with noting_inputs() as read_files:
+        loaded = load_suite(suite)
+        case = case_of(loaded, target_for(loaded, target))
+        known = read_posterior(Path(posterior), case.simulator.model)
+        met = conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY
+    if out is not None:
+        folder = writable(Path(out))
+        spare_inputs((folder / name for name in PROBABILITY_FILES), read_files)
     with signals_raised_after(kept=out is not None):
         found = passing(
             case, known, draws,
             seed=seed, conditions=met, workers=workers_from(workers), progress=progress,
         )  # fmt: skip
         if out is not None:
-            folder = writable(Path(out))
             folder.mkdir(parents=True, exist_ok=True)
             found.write(folder)
             facts = (
@@ -251,27 +259,28 @@ def tune(  # noqa: PLR0913 - as the options of the command
     Raises:
         EhaBenchError: bad input, or the posterior of another model.
     """
-    loaded, folder = load_suite(suite), writable(Path(out))
-    files = [item for item in (model, vary, controller, posterior, conditions, loaded.path)
-             if isinstance(item, str | Path)]  # fmt: skip
-    spare_inputs((folder / name for name in TUNED_FILES), files, "name another folder with --out")
+    folder = writable(Path(out))
     if robust is not None and robust not in set(Robust):
         raise InputError(f"--robust '{robust}' is not known", hint=f"known: {', '.join(Robust)}")
-    case = case_of(loaded, open_target(model, loaded.file))
-    if controller is not None:
-        own = load_controllers(find(controller, "controllers"))
-        case = replace(case, simulator=case.simulator.varied(controllers=own))
-    file = load_vary(vary)
-    gains_space(case, file)
-    at = Path(posterior) if posterior is not None else None
-    if at is None and not isinstance(model, Mapping) and Path(model).is_file():
-        at = beside(Path(model))
-    known = None if at is None else read_posterior(at, case.simulator.model)
+    with noting_inputs() as read_files:
+        loaded = load_suite(suite)
+        case = case_of(loaded, open_target(model, loaded.file))
+        if controller is not None:
+            own = load_controllers(find(controller, "controllers"))
+            case = replace(case, simulator=case.simulator.varied(controllers=own))
+        file = load_vary(vary)
+        gains_space(case, file)
+        at = Path(posterior) if posterior is not None else None
+        if at is None and not isinstance(model, Mapping) and Path(model).is_file():
+            at = beside(Path(model))
+        known = None if at is None else read_posterior(at, case.simulator.model)
+        met = conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY
+    spare_inputs((folder / name for name in TUNED_FILES), read_files)
     found = find_gains(
         case, file, known,
         effort=SearchEffort(candidates, min(draws, SearchEffort.few), draws, seed),
         aim=Robust(robust).aim if robust else None,
-        conditions=conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY,
+        conditions=met,
         workers=workers_from(workers), progress=progress,
     )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
@@ -370,9 +379,13 @@ def score_files(
         EhaBenchError: a recording cannot be read, or belongs to no trial; `out` cannot be used.
     """
     folder = None if out is None else _for_scores(Path(out))
-    loaded = load_suite(suite) if suite else None
+    with noting_inputs() as read_files:
+        loaded = load_suite(suite) if suite else None
     map_file = Path(channels) if channels else None
     paths = [Path(item) for item in recordings]
+    if folder is not None:
+        written = ("result.json", *REPORTS)
+        spare_inputs((folder / name for name in written), (*paths, map_file, *read_files))
     result, trials = score_recordings(
         paths, suite=loaded, channels=map_file, trial=trial, progress=progress
     )
@@ -514,7 +527,11 @@ def next_experiment(
     path = None if out is None else suite_path(out)
     if path is not None:
         written = (path, dataset_path(path), path.with_suffix(".json"), path.with_suffix(".html"))
-        spare_inputs(written, (diagnosis, safety), "name another file with --out")
+        with noting_inputs() as read_files:
+            question = read_question(diagnosis)
+        own = (question.source.parent / name for name in DIAGNOSIS_FILES)
+        files = (*read_files, *own, question.covered.dataset or None, safety)
+        spare_inputs(written, files, "name another file with --out")
     tell = progress or (lambda _stage, _fraction: None)
     found = propose(
         diagnosis, budget=budget, safety=safety, probability=probability, within=within, seed=seed,

@@ -16,7 +16,9 @@ import numpy as np
 
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.input_files import noting_inputs
 from eha_bench.core.json_file import read_object
+from eha_bench.core.output_folder import spare_inputs
 from eha_bench.core.result import Result
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.plants.model import load_model
@@ -42,12 +44,16 @@ def before_after(folders: Sequence[str | Path], out: str | Path) -> Path:
     """
     kinds = _folder_kinds([Path(folder) for folder in folders])
     diagnosis, tuning = kinds.diagnosis, kinds.tuning
-    digest = load_controllers(tuning / CONTROLLER).sha256
-    results = sorted(
-        (Result.read(folder / RESULT_FILE) for folder in kinds.results),
-        key=lambda item: (_digest(item) == digest, item.provenance.get("started", "")),
-    )
-    notes = _model_notes(diagnosis, tuning)
+    with noting_inputs() as read:
+        digest = load_controllers(tuning / CONTROLLER).sha256
+        results = sorted(
+            (Result.read(folder / RESULT_FILE) for folder in kinds.results),
+            key=lambda item: (_digest(item) == digest, item.provenance.get("started", "")),
+        )
+        notes = _model_notes(diagnosis, tuning)
+        found, tuned = _json(diagnosis / DIAGNOSIS_FILE), _json(tuning / TUNING_FILE)
+    page = Path(out)
+    spare_inputs((page,), read, "name another page with --out")
     after = results[-1] if results else None
     if after is not None and _digest(after) != digest:
         notes.append(
@@ -55,11 +61,10 @@ def before_after(folders: Sequence[str | Path], out: str | Path) -> Path:
             if _digest(after)
             else "the result does not say with which gains it was made"
         )
-    page = Path(out)
     page.resolve().parent.mkdir(parents=True, exist_ok=True)
     content = BeforeAfter(
-        _json(diagnosis / DIAGNOSIS_FILE),
-        _json(tuning / TUNING_FILE),
+        found,
+        tuned,
         results[0] if len(results) > 1 else None,
         after,
         tuple(notes),

@@ -22,8 +22,9 @@ from eha_bench.comparison.side import Side, load_side
 from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError
+from eha_bench.core.input_files import noting_inputs
 from eha_bench.core.interruption import signals_raised_after
-from eha_bench.core.output_folder import writable
+from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Result, Status
 from eha_bench.core.workers import workers_from
@@ -34,6 +35,9 @@ from eha_bench.report.trend_site import write_site
 from eha_bench.suites import Suite, load_suite
 from eha_bench.trends.history import History, history_of
 from eha_bench.trends.index import update
+
+COMPARISON_FILES = ("comparison.json", "comparison.md")
+"""What programs read of a comparison, next to its page."""
 
 
 def compare(
@@ -55,9 +59,11 @@ def compare(
     Raises:
         InputError: there is no result, or the two come from different rigs.
     """
-    sides = load_side(baseline), load_side(candidate)
+    with noting_inputs() as read:
+        sides = load_side(baseline), load_side(candidate)
     if out is not None:
-        writable(Path(out))
+        folder = writable(Path(out))
+        spare_inputs((folder / name for name in COMPARISON_FILES), read)
     found = compare_sides(*sides, across_targets=across_targets)
     if out is not None:
         write_comparison_files(Path(out), found)
@@ -67,9 +73,9 @@ def compare(
 def write_comparison_files(folder: Path, comparison: Comparison) -> Path:
     """Write comparison.json, comparison.md and comparison.html; return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
-    comparison.write(folder / "comparison.json")
+    comparison.write(folder / COMPARISON_FILES[0])
     summary = comparison_markdown(comparison)
-    write_text(folder / "comparison.md", summary)
+    write_text(folder / COMPARISON_FILES[1], summary)
     page = write_comparison(folder, comparison)
     tell_step_summary(summary)
     return page
@@ -116,7 +122,9 @@ def history(
     """
     watched = Path(folder)
     site = Path(out) if out is not None else watched / "history"
-    settings = load_cause_settings(Path(diagnose)) if diagnose is not None else None
+    with noting_inputs() as read:
+        settings = load_cause_settings(Path(diagnose)) if diagnose is not None else None
+    spare_inputs((site / "history.json", site / "history.md", site / "index.sqlite"), read)
     index = update(site / "index.sqlite", watched, rebuild=rebuild)
     found = history_of(index, str(folder), workers_from(workers))
     if settings is not None:

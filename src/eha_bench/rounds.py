@@ -12,8 +12,9 @@ from typing import Any
 from eha_bench.api import diagnose, next_experiment, run
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.input_files import noting_inputs
 from eha_bench.core.interruption import signals_raised_after
-from eha_bench.core.output_folder import writable
+from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.progress import ProgressHook
 from eha_bench.core.result import Status
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
@@ -25,6 +26,7 @@ from eha_bench.targets.resolve import open_target
 from eha_bench.targets.simulator import Simulator
 from eha_bench.targets.target import Target
 
+OF = "of.json"
 SUMMARY = "rounds.json"
 PAGE = "rounds.html"
 
@@ -148,11 +150,17 @@ def close(
     """
     folder = writable(Path(out))
     # before the first diagnosis, which takes minutes, not after it
-    opened = open_target(str(target))
+    with noting_inputs() as read:
+        opened = open_target(str(target))
+    files = [*read, dataset, safety]
     if (folder / "round-1" / "diagnosis" / DIAGNOSIS_FILE).exists():
         notes = _notes_of(folder)
     else:
-        notes = _beside_the_plant(load_dataset(dataset), opened, target)
+        loaded = load_dataset(dataset)
+        files += loaded.files
+        notes = _beside_the_plant(loaded, opened, target)
+    own = (OF, SUMMARY, PAGE, *(f"round-{number}" for number in range(1, rounds + 2)))
+    spare_inputs((folder / name for name in own), files)
     tell = progress or (lambda _stage, _fraction: None)
     _own(folder, dataset, target)
     current, done = Path(dataset), []
@@ -223,7 +231,7 @@ def _beside_the_plant(dataset: Dataset, opened: Target, target: str | Path) -> t
 def _own(folder: Path, dataset: str | Path, target: str | Path) -> None:
     """Refuse a folder whose rounds are of something else."""
     asked = {"dataset": str(Path(dataset).resolve()), "target": str(target)}
-    file = folder / "of.json"
+    file = folder / OF
     if file.exists():
         kept = json.loads(file.read_text(encoding="utf-8"))
         if kept != asked:

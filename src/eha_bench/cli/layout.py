@@ -24,8 +24,11 @@ def layout(
     """Write a Foxglove layout (JSON) that plots our topics."""
     import json
 
+    from eha_bench.core.output_folder import spare_inputs
     from eha_bench.report.foxglove import layout_for
 
+    if out is not None:
+        spare_inputs((out,), (source,), "name another file with --out")
     text = json.dumps(layout_for(source), indent=2, ensure_ascii=False) + "\n"
     if out is None:
         typer.echo(text, nl=False)

@@ -52,8 +52,11 @@ def channels(
 
     Channels and units are guessed, and marked as guessed.
     """
+    from eha_bench.core.output_folder import spare_inputs
     from eha_bench.recordings.guessing import first_map
 
+    if out is not None:
+        spare_inputs((out,), (recording,), "name another file with --out")
     with reading_limits(max_memory, max_time):
         text = first_map(recording)
     if out is None:
@@ -77,9 +80,11 @@ def export(
 
     Time in s, channels in SI, bit for bit.
     """
+    from eha_bench.core.output_folder import spare_inputs
     from eha_bench.recordings import export as write
     from eha_bench.recordings import read
 
+    spare_inputs((target,), (recording, channels), "give another target")
     with reading_limits(max_memory, max_time):
         found = read(recording, channels=channels)
     for note in found.notes:

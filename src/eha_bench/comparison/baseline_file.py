@@ -14,7 +14,8 @@ from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.side import Side, load_side
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.output_folder import writable
+from eha_bench.core.input_files import noting_inputs
+from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.result import Result, Status, TrialResult
 
 
@@ -45,7 +46,9 @@ def accept(file: Path, results: Sequence[Path], *, failed: bool = False) -> Base
             hint="name a file, e.g. baselines/knee.json, and the results after it",
         )
     writable(file.parent, hint="name a file in another folder, and the results after it")
-    sides = [load_side(path) for path in results]
+    with noting_inputs() as read:
+        sides = [load_side(path) for path in results]
+    spare_inputs((file,), read, "name another baseline file")
     loaded = tuple(entry for side in sides for entry in side.results)
     if not loaded:
         raise InputError("there is no result to take", hint="name a result folder")

@@ -9,6 +9,7 @@ from typing import Any
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.file_kind import kind_by_keys
+from eha_bench.core.input_files import note_input
 
 
 def read_object(path: Path, what: str, hint: str) -> dict[str, Any]:
@@ -21,6 +22,7 @@ def read_object(path: Path, what: str, hint: str) -> dict[str, Any]:
         InputError: no such file, no JSON, or no object; a YAML file of ours is named by its kind.
     """
     where = Place(file=str(path))
+    note_input(path)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:

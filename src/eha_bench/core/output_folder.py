@@ -46,22 +46,31 @@ def writable(folder: Path, hint: str = "") -> Path:
     return folder
 
 
-def spare_inputs(written: Iterable[Path], inputs: Iterable[str | Path | None], hint: str) -> None:
+def spare_inputs(
+    written: Iterable[Path],
+    inputs: Iterable[object],
+    hint: str = "name another folder with --out",
+) -> None:
     """Refuse to write a file that the same work reads.
 
     Args:
-        written: files that are about to be written. inputs: what is read; None for nothing given.
+        written: files that are about to be written, and folders in which any file may be.
+        inputs: what is read; what is neither a path nor a name of one has no file.
         hint: the way out.
 
     Raises:
         InputError: one of them is the other.
     """
-    read = [Path(item) for item in inputs if item is not None and Path(item).exists()]
-    for path in written:
-        if path.exists() and any(path.samefile(item) for item in read):
-            raise InputError(
-                "is read here and would be overwritten", where=Place(file=str(path)), hint=hint
-            )
+    named = [Path(item) for item in inputs if isinstance(item, str | Path)]
+    read = [item for item in named if item.exists()]
+    for path in filter(Path.exists, written):
+        for item in read:
+            if path.samefile(item) or (path.is_dir() and path.resolve() in item.resolve().parents):
+                raise InputError(
+                    "is read here and would be overwritten",
+                    where=Place(file=str(item if path.is_dir() else path)),
+                    hint=hint,
+                )
 
 
 def name_aside(folder: Path) -> Path:

@@ -14,6 +14,7 @@ from eha_bench.core.atomic_file import write_text
 from eha_bench.core.budget import Budget, Contribution, Evaluation
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
+from eha_bench.core.input_files import note_input
 from eha_bench.core.lazy import later
 from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.score import Measure, Score, ScoreStatus, number_of
@@ -189,6 +190,7 @@ class Result:
         Raises:
             InputError: missing, not JSON, or of another schema version.
         """
+        note_input(path)
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError as error:

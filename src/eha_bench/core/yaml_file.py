@@ -17,6 +17,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 from eha_bench.core import fast_yaml
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.file_kind import FileKind, kind_by_keys, kind_named, kinds
+from eha_bench.core.input_files import note_input
 from eha_bench.core.near_miss import likely, suggest
 from eha_bench.core.shipped import KINDS, by_name, find
 from eha_bench.core.shipped import names as shipped_names
@@ -107,6 +108,7 @@ def read_text(path: Path) -> str:
     """
     if str(path) in _GIVEN:
         return _GIVEN[str(path)]
+    note_input(path)
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:

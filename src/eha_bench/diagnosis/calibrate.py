@@ -14,7 +14,7 @@ from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption, checkpoints, signals_raised_after
-from eha_bench.core.output_folder import writable
+from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.progress import ProgressHook, live_progress
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.ended_runs import baseline_up_to_jumps
@@ -62,6 +62,8 @@ from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
 from eha_bench.posterior.covered import Covered
 
+CALIBRATED = "calibrated.yaml"
+SUMMARY = "calibration.json"
 _NOTHING_ASKED = (
     "nothing is calibrated: the model has no parameter under `calibrate`; list there which ones "
     "may be estimated"
@@ -129,7 +131,7 @@ class Calibration:
             },
             "covered": None if self.covered is None else self.covered.to_dict(),
             "error_by_value": [item.to_dict() for item in self.error_by_value],
-            "model": "calibrated.yaml",
+            "model": CALIBRATED,
             "notes": list(self.notes),
             "complete": self.complete,
             "failed": None if self.failed is None else self.failed.to_dict(),
@@ -138,9 +140,9 @@ class Calibration:
     def write(self, folder: Path) -> None:
         """Write calibration.json and calibrated.yaml into a folder."""
         folder.mkdir(parents=True, exist_ok=True)
-        self.model.write(folder / "calibrated.yaml", "Calibrated by eha-bench calibrate")
+        self.model.write(folder / CALIBRATED, "Calibrated by eha-bench calibrate")
         text = json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
-        write_text(folder / "calibration.json", text + "\n")
+        write_text(folder / SUMMARY, text + "\n")
 
     def with_note(self, note: str) -> Calibration:
         """Return it with one more note."""
@@ -173,7 +175,8 @@ def calibrate(
     """
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
     if out is not None:
-        writable(Path(out))
+        folder = writable(Path(out))
+        spare_inputs((folder / CALIBRATED, folder / SUMMARY), loaded.files)
     if isinstance(loaded.model.plant, StaticPlant):
         raise InputError(
             f"calibrate fits recordings over time; {loaded.model.plant_id} has operating points",

@@ -11,7 +11,7 @@ from typing import Any
 
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.interruption import Interruption, checkpoints
-from eha_bench.core.output_folder import writable
+from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.progress import ProgressHook, live_progress
 from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.diagnosis.conclusion import Conclusion
@@ -21,7 +21,7 @@ from eha_bench.diagnosis.fit.baseline import CalibrationInterrupted, no_progress
 from eha_bench.diagnosis.fit.effort import count_simulated_time
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
 from eha_bench.diagnosis.fit.thresholds import DEFAULT, Thresholds
-from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.outcome.diagnosis import WRITTEN, Diagnosis
 from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.plants.static_plant import StaticPlant
 
@@ -52,7 +52,8 @@ def diagnose(
     started = time.perf_counter()
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
     if out is not None:
-        writable(Path(out))
+        folder = writable(Path(out))
+        spare_inputs((folder / name for name in WRITTEN), loaded.files)
     if isinstance(loaded.model.plant, StaticPlant):
         found = replace(diagnose_points(loaded, progress), seconds=time.perf_counter() - started)
         found.keep(out)

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.errors import InputError
+from eha_bench.core.input_files import noting_inputs
+from eha_bench.core.output_folder import spare_inputs
 from eha_bench.core.shipped import shipped_file
 from eha_bench.core.trial import command_of
 from eha_bench.plants.model import model_from
@@ -60,12 +62,16 @@ class Rig:
         Raises:
             EhaBenchError: one of the files is wrong, or the transport cannot be opened.
         """
-        drive = load_drive(target)
-        model = options.model or drive.model or shipped_file("models/paper.yaml")
-        controller = (
-            options.controller or drive.controller or shipped_file("controllers/paper.yaml")
-        )
-        self._plant = RealPlant(model_from(model), options.seed)
+        with noting_inputs() as read:
+            drive = load_drive(target)
+            model = options.model or drive.model or shipped_file("models/paper.yaml")
+            controller = (
+                options.controller or drive.controller or shipped_file("controllers/paper.yaml")
+            )
+            self._plant = RealPlant(model_from(model), options.seed)
+            controllers = load_controllers(controller)
+        if options.log is not None:
+            spare_inputs((options.log,), (*read, drive.dbc), "name another file with --log")
         _as_set_up(drive, self._plant)
         _check_command(drive, self._plant)
         _check_faults(options.faults, self._plant)
@@ -73,7 +79,7 @@ class Rig:
         self._drive = RigDrive(
             drive,
             self._plant,
-            load_controllers(controller),
+            controllers,
             Faults(options.faults),
             self._log,
             options.limits,

@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 from eha_bench.core import yaml_file
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError, Place, RecordingError
+from eha_bench.core.input_files import noting_inputs
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import by_name
 from eha_bench.core.trial import Bypass, Piston
@@ -224,6 +225,7 @@ class Dataset:
         computed: channels that are computed in every run, by name.
         notes: what is read otherwise than the files say, one sentence each.
         misread: channels that their map mistakes, with how they are read instead.
+        files: all that it was made of or reads: itself, its model's, channel maps, logs.
     """
 
     model: Model
@@ -234,6 +236,7 @@ class Dataset:
     computed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     misread: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
 
     @property
     def training(self) -> tuple[Run, ...]:
@@ -268,7 +271,13 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
     Raises:
         InputError: a wrong key or value, a missing file, with file, line and key.
     """
-    path = yaml_file.file_of(source, "dataset")
+    with noting_inputs() as read:
+        loaded = _loaded(yaml_file.file_of(source, "dataset"))
+    return replace(loaded, files=(*dict.fromkeys(read), *(run.log for run in loaded.runs)))
+
+
+def _loaded(path: Path) -> Dataset:
+    """Return what a dataset.yaml holds, as `load_dataset` does."""
     content = yaml_file.load(path)
     file = yaml_file.validate(DatasetFile, content, str(path), kind="dataset")
     folder = path.parent

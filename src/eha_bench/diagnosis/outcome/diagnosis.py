@@ -18,7 +18,7 @@ from eha_bench.core.lazy import later
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.remainder import Remainder
-from eha_bench.diagnosis.outcome.rival import Rival
+from eha_bench.diagnosis.outcome.rival import RIVALS_FOLDER, Rival
 from eha_bench.diagnosis.replay.error_by_value import ErrorByValue
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.replay.replay import Replay
@@ -27,6 +27,10 @@ from eha_bench.posterior.covered import Covered
 
 SCHEMA_VERSION = 1
 DIAGNOSIS_FILE = "diagnosis.json"
+REVISED_FILE = "revised.yaml"
+RECALIBRATED_FILE = "recalibrated.yaml"
+WRITTEN = (DIAGNOSIS_FILE, REVISED_FILE, RECALIBRATED_FILE, RIVALS_FOLDER)
+"""What is written of a diagnosis, by its name in the folder."""
 
 _html = later("eha_bench.report.notebook", "diagnosis_html")
 
@@ -268,7 +272,7 @@ class Diagnosis:
                 "holdout": errors_to_dict(self.holdout),
                 "unseen": errors_to_dict(self.unseen),
             },
-            "model": "revised.yaml",
+            "model": REVISED_FILE,
             "rivals": [item.to_dict() for item in self.rivals],
             "covered": None if self.covered is None else self.covered.to_dict(),
             "error_by_value": [item.to_dict() for item in self.error_by_value],
@@ -299,11 +303,9 @@ class Diagnosis:
         folder.mkdir(parents=True, exist_ok=True)
         changed = (f"another {name}" for name in self.corrected)
         names = ", ".join((*(item.id for item in self.effects), *changed)) or "nothing"
-        self.revised.write(
-            folder / "revised.yaml", f"Revised by eha-bench diagnose; added: {names}"
-        )
+        self.revised.write(folder / REVISED_FILE, f"Revised by eha-bench diagnose; added: {names}")
         self.recalibrated.write(
-            folder / "recalibrated.yaml", "Recalibrated by eha-bench diagnose; nothing added"
+            folder / RECALIBRATED_FILE, "Recalibrated by eha-bench diagnose; nothing added"
         )
         for rival in self.rivals:
             (folder / rival.file).parent.mkdir(exist_ok=True)

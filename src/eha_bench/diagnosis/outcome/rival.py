@@ -11,6 +11,9 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.diagnosis.fit.uncertainty import Covariance
 from eha_bench.plants.model import Model
 
+RIVALS_FOLDER = "rivals"
+"""Where the models of rivals are, beside diagnosis.json."""
+
 
 class Standing(StrEnum):
     """What the data say of a rival.
@@ -54,7 +57,7 @@ class Rival:
     @property
     def file(self) -> str:
         """Where its model.yaml stands, relative to diagnosis.json."""
-        return f"rivals/{re.sub(r'[^A-Za-z0-9_+.-]+', '_', self.id).strip('_')}.yaml"
+        return f"{RIVALS_FOLDER}/{re.sub(r'[^A-Za-z0-9_+.-]+', '_', self.id).strip('_')}.yaml"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""

@@ -15,7 +15,8 @@ from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.channels import unit_of
 from eha_bench.core.extras import require
 from eha_bench.core.finite import finite_or_none
-from eha_bench.core.output_folder import writable
+from eha_bench.core.input_files import noting_inputs
+from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.beyond_ends import beyond_ends
 from eha_bench.diagnosis.data.dataset import Dataset, Run, load_dataset
@@ -49,6 +50,11 @@ SCHEMA_VERSION = 1
 SUMMARY = "prediction.json"
 
 
+def _file_of(run: str) -> str:
+    """Return the name of a run's Parquet file."""
+    return f"{run}.parquet"
+
+
 @dataclass(frozen=True)
 class Prediction:
     """One run's simulated outputs at the log's time stamps.
@@ -79,7 +85,7 @@ class Prediction:
     @property
     def file(self) -> str:
         """Name of its Parquet file."""
-        return f"{self.run}.parquet"
+        return _file_of(self.run)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what prediction.json says of it; an error that is not computable is null."""
@@ -235,13 +241,16 @@ def predict(
         require("pyarrow", "parquet", "a Parquet file for each run")
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
-    if model is None:
-        model = dataset.model
-    elif not isinstance(model, Model):
-        model = model_from(model)
+    with noting_inputs() as read:
+        if model is None:
+            model = dataset.model
+        elif not isinstance(model, Model):
+            model = model_from(model)
     compared = dataset.determined(model.plant)
     if out is not None:
-        writable(Path(out))
+        folder = writable(Path(out))
+        written = (SUMMARY, *(_file_of(run.name) for run in dataset.runs))
+        spare_inputs((folder / name for name in written), (*dataset.files, *read))
     found = []
     for number, run in enumerate(dataset.runs):
         if progress:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.errors import InputError
 from eha_bench.core.extras import way_to_install
+from eha_bench.core.input_files import noting_inputs
+from eha_bench.core.output_folder import spare_inputs
 from eha_bench.plants.model import Model, model_from
 
 if TYPE_CHECKING:
@@ -67,7 +69,9 @@ def export_fmu(model: Path, out: Path, version: int = 2) -> Path:
     from eha_bench.targets.fmu.slave import ExportedPlant
 
     package = "pythonfmu" if version == 2 else "pythonfmu3"
-    loaded = model_from(model)
+    with noting_inputs() as read:
+        loaded = model_from(model)
+    spare_inputs((out,), read, "name another file with --out")
     ExportedPlant(loaded)  # says why it cannot be exported
     try:
         builder = importlib.import_module(f"{package}.builder")
