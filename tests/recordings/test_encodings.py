@@ -18,6 +18,7 @@ from eha_bench.recordings.encodings.decoders import make_decoder
 from eha_bench.recordings.encodings.definitions import DefinitionError, parse_idl, parse_msg
 from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.encodings.payloads import Payloads
+from eha_bench.recordings.guessing import first_map
 
 
 def one(topic: str, field: str, **options: Any) -> dict[str, Any]:
@@ -383,6 +384,25 @@ def test_names_within_names() -> None:
         cdr.put("d", base).put("d", base + 1)
     fields = ("states[knee].values[effort]", "states[hip].values[position]")
     assert decode(encoded, [cdr.finish()], *fields) == [[21.0, 10.0]]
+
+
+def test_keys_of_any_script(tmp_path: Path) -> None:
+    message = json.dumps({"v": 1, "ünï": {"a": [2, 3]}}).encode()
+    path = raw_log(tmp_path / "u.mcap", "json", ("x", "jsonschema", b"{}"), [message] * 3)
+    (topic,) = recordings.info(path).topics
+    assert [value.name for value in topic.values] == ["v", "ünï.a[0]", "ünï.a[1]"]
+    mapping = first_map(path)
+    assert 'field: "ünï.a[0]"' in mapping
+    (tmp_path / "map.yaml").write_text(mapping, encoding="utf-8")
+    assert len(recordings.read(path, channels=tmp_path / "map.yaml").values) == 3
+
+
+def test_a_key_that_no_path_can_name_is_said_and_hides_nothing(tmp_path: Path) -> None:
+    payloads = [b'{"v": 1, "p-a": 2, "": 3, "in": {"p-b": 4, "7": 5, "": 6}}'] * 3
+    path = raw_log(tmp_path / "k.mcap", "json", ("x", "jsonschema", b"{}"), payloads)
+    found = recordings.info(path)
+    assert [value.name for value in found.topics[0].values] == ["v", "in[p-b]"]
+    assert any("what stands under 'p-a', '' cannot be read" in note for note in found.notes)
 
 
 def test_names_in_json() -> None:

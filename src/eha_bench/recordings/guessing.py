@@ -278,4 +278,4 @@ def _quoted(text: str) -> str:
     """Return text as YAML reads it back."""
     if _PLAIN.fullmatch(text) and text.lower() not in _WORDS_OF_YAML:
         return text
-    return json.dumps(text)
+    return json.dumps(text, ensure_ascii=not text.isprintable())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from eha_bench.recordings.budget import OutOfTime, budget, spending
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import READ_ENCODINGS, UnreadableTopic
 from eha_bench.recordings.encodings.field_path import FieldPath
-from eha_bench.recordings.encodings.number_fields import number_fields
+from eha_bench.recordings.encodings.number_fields import number_fields, unnamed_keys
 from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.series import gaps, irregularity, typical_step
 from eha_bench.recordings.source import Source, Topic, TopicRequest
@@ -107,6 +107,8 @@ class RecordingInformation:
 
 _MOST_VISITS = 4_000_000
 """Topics whose values are looked at, times topics of the file: each look goes through all."""
+_MOST_NOTED = 100
+"""Topics whose keys are looked at: one with strange keys is rarely alone."""
 _MOST_COLUMNS = 10_000
 """Columns of a table whose values are looked at."""
 
@@ -148,6 +150,7 @@ def _information_of(file: Path) -> RecordingInformation:
         *source.notes,
         *beyond,
         *source.skipped_notes(),
+        *_unnamed_notes(source, filled),
         *([problem] if problem else []),
         *late,
         *([f"the values of {unseen} of {len(topics)} topics were not read"] * bool(unseen)),
@@ -191,6 +194,20 @@ def _values_of(source: Source, topic: Topic, *, own: bool) -> tuple[ValueInforma
         ValueInformation.of(names.get(field, field), units.get(names.get(field, ""), ""), column)
         for field, column in track.columns.items()
     )
+
+
+def _unnamed_notes(source: Source, topics: Sequence[Topic]) -> Iterator[str]:
+    """Say which values of JSON messages no field path can name, so that none is missed."""
+    for topic in topics[:_MOST_NOTED]:
+        if topic.encoded is None or topic.skipped or topic.encoded.encoding != "json":
+            continue
+        keys = unnamed_keys(topic.encoded, source.example(topic.name))
+        if keys:
+            shown = ", ".join(f"'{key[:40]}'" for key in keys[:5])
+            yield (
+                f"{topic.name}: what stands under {shown} cannot be read, as a field path has "
+                "letters, digits and _ only"
+            )
 
 
 def _description_problem(source: Source, records: Mapping[str, Mapping[str, str]]) -> str:

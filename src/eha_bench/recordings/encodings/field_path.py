@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-_NAME = re.compile(r"[A-Za-z_]\w*")
+_NAME = re.compile(r"[^\W\d]\w*")
 _INDEX = re.compile(r"\[([^\[\]]+)\]")
 
 
@@ -37,6 +37,21 @@ ALIASES = {"sec": "secs", "nanosec": "nsecs", "secs": "sec", "nsecs": "nanosec"}
 """A time's fields are named otherwise in ROS 1 and ROS 2; either name is understood."""
 
 Step = Attribute | ArrayItem | NamedElement
+
+
+def is_field_name(key: str) -> bool:
+    """Whether a path may name a field by this key: letters of any script, digits and `_`."""
+    return _NAME.fullmatch(key) is not None
+
+
+def is_element_name(key: str) -> bool:
+    """Whether a path may name an element by this key in brackets: `values[press a]`."""
+    return (
+        _INDEX.fullmatch(f"[{key}]") is not None
+        and key == key.strip().strip("\"'")
+        and not key.isdecimal()
+        and bool(key)
+    )
 
 
 def lists_names(field: str) -> bool:

@@ -23,7 +23,11 @@ from eha_bench.recordings.encodings.definitions import (
     resolve,
     short_name,
 )
-from eha_bench.recordings.encodings.field_path import FieldPath
+from eha_bench.recordings.encodings.field_path import (
+    FieldPath,
+    is_element_name,
+    is_field_name,
+)
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.encodings.ros_decoder import definitions_of
 
@@ -57,6 +61,19 @@ def number_fields(encoded: Encoded, example: bytes) -> tuple[str, ...]:
     decoder.decode(message, [np.empty(1) for _ in paths])
     there = decoder.found_paths()
     return tuple(path for number, path in enumerate(paths) if number in there)
+
+
+def unnamed_keys(encoded: Encoded, example: bytes) -> tuple[str, ...]:
+    """Return the keys of a topic's first JSON message that no field path can name."""
+    if encoded.encoding != "json":
+        return ()
+    try:
+        message = json.loads(example)
+    except (ValueError, RecursionError):
+        return ()
+    if not isinstance(message, dict):
+        return ()
+    return tuple(key for key in message if not is_field_name(key))
 
 
 def _ros(encoded: Encoded) -> Iterator[str]:
@@ -105,8 +122,10 @@ def _of_value(value: Any, path: str, depth: int) -> Iterator[str]:
             yield path
         case dict():
             for key, inner in value.items():
-                if key.isidentifier():
+                if is_field_name(key):
                     yield from _of_value(inner, f"{path}.{key}".strip("."), depth + 1)
+                elif path and is_element_name(key):
+                    yield from _of_value(inner, f"{path}[{key}]", depth + 1)
         case list():
             for index, inner in enumerate(value[:_ELEMENTS]):
                 yield from _of_value(inner, f"{path}[{index}]", depth + 1)
