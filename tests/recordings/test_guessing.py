@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from eha_bench.recordings import guessing, info
+from eha_bench.recordings import guessing, info, read
 from eha_bench.recordings.budget import OutOfTime
 from eha_bench.recordings.guessing import first_map
 
@@ -91,3 +91,33 @@ def test_no_column_is_looked_at_when_time_is_up(
     found = info(tmp_path / "wide.csv")
     assert asked == ["t_s"]
     assert found.notes[-2:] == ("it takes more than 3 s", "4 of its 4 columns were not looked at")
+
+
+def test_groups_with_clocks_of_their_own_can_be_read_by_the_map(tmp_path: Path) -> None:
+    log = tmp_path / "log.jsonl"
+    lines = [f'{{"topic": "/a", "t": {k / 1e3}, "v": {k}}}' for k in range(60)]
+    lines += [f'{{"topic": "/b", "t": {k / 500}, "w": {2 * k}, "v": 0}}' for k in range(30)]
+    log.write_text("\n".join(lines))
+    (tmp_path / "map.yaml").write_text(first_map(log))
+    found = read(log, channels=tmp_path / "map.yaml")
+    assert {*found.values} == {"a_v", "w", "b_v"}
+    # each by its own clock: w is 2 every 2 ms, and v 1 every ms
+    assert found["w"] == pytest.approx(found["a_v"])
+
+
+def test_what_the_clock_is_not_of_is_left_out_and_said(tmp_path: Path) -> None:
+    log = tmp_path / "log.json"
+    log.write_text('{"t": [0, 1, 2], "p_a": [1, 2, 3], "p_b": [1, 2]}')
+    text = first_map(log)
+    assert "  # left out, as the clock above is not theirs" in text
+    assert "  # pressure_b: {column: p_b, unit: Pa}" in text
+    (tmp_path / "map.yaml").write_text(text)
+    assert list(read(log, channels=tmp_path / "map.yaml").values) == ["pressure_a"]
+
+
+def test_a_clock_of_nothing_is_none(tmp_path: Path) -> None:
+    log = tmp_path / "log.json"
+    log.write_text('{"t": [0, 1, 2, 4], "p_a": [1, 2, 3], "p_b": [1, 2, 4]}')
+    (tmp_path / "map.yaml").write_text(first_map(log))
+    assert "ASSUMED: no column" in (tmp_path / "map.yaml").read_text()
+    assert len(read(log, channels=tmp_path / "map.yaml")) == 3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import lru_cache
@@ -15,7 +15,8 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import Place, RecordingError, UnitError
 from eha_bench.core.units import base_unit, factor_and_offset
 from eha_bench.recordings.budget import OverBudget, budget, spending
-from eha_bench.recordings.information import RecordingInformation, info
+from eha_bench.recordings.clock_guess import NamedClock, best_clock, unlike_their_group
+from eha_bench.recordings.information import RecordingInformation, TopicInformation, info
 from eha_bench.recordings.source import HOLDS_DATES
 from eha_bench.recordings.tables.self_description import named_unit
 from eha_bench.recordings.values import ValueInformation
@@ -104,13 +105,16 @@ def first_map(path: str | Path) -> str:
     ]
     if found.unseen:
         lines.append(f"# {found.unseen} more topics or columns were not looked at")
+    clock = best_clock(_clocks(found), found.topics) if table else None
     if table:
-        lines += _clock_lines(found)
+        lines += _clock_lines(found, clock)
     lines.append("channels:")
+    odd = {_place_of(item) for item in _without_clock(found, clock)} if table else set()
     owner: dict[str, Guess] = {}
     for guess in sorted(guesses, key=lambda guess: -guess.likeness):
         owner.setdefault(guess.channel, guess)
     names = _Names(owner)
+    left_out: list[str] = []
     for guess in guesses:
         name = guess.channel
         if owner[name] is not guess:
@@ -119,21 +123,29 @@ def first_map(path: str | Path) -> str:
         unit = guess.unit or (CHANNELS[name].unit if known else "")
         why = guess.reason if known else "no channel is called like it"
         caution = "" if guess.unit else ", unit assumed"
-        entry = f"{{{guess.place}, unit: {_quoted(unit)}}}"
-        lines.append(f"  {_quoted(name)}: {entry}  # guessed: {why}{caution}")
+        entry = f"{_quoted(name)}: {{{guess.place}, unit: {_quoted(unit)}}}"
+        if guess.place in odd:
+            left_out.append(f"  # {entry}")
+        else:
+            lines.append(f"  {entry}  # guessed: {why}{caution}")
+    if left_out:
+        lines.append(
+            "  # left out, as the clock above is not theirs; a map of their own reads them:"
+        )
+        lines += left_out
     return "\n".join(lines) + "\n"
 
 
 def _guesses(found: RecordingInformation, *, table: bool) -> list[Guess]:
     guesses = []
-    clocks = {name for name, _ in _clocks(found)} if table else set()
+    clocks = {column.name for column, _ in _clocks(found)} if table else set()
     for topic in found.topics:
         for value in topic.values:
             budget().tick()
             if table and value.name in clocks:
                 continue
             if table:
-                place, title = f"column: {_quoted(value.name)}", value.name
+                place, title = _place_of(topic), value.name
             else:
                 place = f"topic: {_quoted(topic.name)}, field: {_quoted(value.name)}"
                 last = value.name.rpartition(".")[2]
@@ -219,7 +231,21 @@ def _is_unit(unit: str) -> bool:
     return bool(unit)
 
 
-def _clocks(found: RecordingInformation) -> list[tuple[str, str]]:
+def _place_of(column: TopicInformation) -> str:
+    """Return how a map names a column."""
+    return f"column: {_quoted(column.name)}"
+
+
+def _without_clock(
+    found: RecordingInformation, clock: NamedClock | None
+) -> Iterator[TopicInformation]:
+    """Yield the columns that cannot be read by the clock of the map."""
+    if clock is None:
+        return unlike_their_group(found.topics)
+    return (item for item in found.topics if item.values and not clock.times(item, found.topics))
+
+
+def _clocks(found: RecordingInformation) -> list[tuple[TopicInformation, str]]:
     """Return the columns that may hold the time, and their units, the likeliest first."""
     clocks = []
     for topic in found.topics:
@@ -231,17 +257,15 @@ def _clocks(found: RecordingInformation) -> list[tuple[str, str]]:
                 written = value.unit or unit or (at_end[1].lower() if at_end else "")
                 # `T_c` is a temperature
                 if not written or (_is_unit(written) and base_unit(written) == "s"):
-                    clocks.append((value.name, written))
-    return sorted(clocks, key=lambda clock: not clock[0].lower().startswith("time"))
+                    clocks.append((topic, written))
+    return sorted(clocks, key=lambda clock: not clock[0].name.lower().startswith("time"))
 
 
-def _clock_lines(found: RecordingInformation) -> list[str]:
-    clocks = _clocks(found)
-    if clocks:
-        name, unit = clocks[0]
-        source = f"its unit is {'given' if unit else 'assumed'}"
-        clock = f"time: {{column: {_quoted(name)}, unit: {unit or 's'}}}"
-        return [f"{clock}  # guessed: by its name; {source}"]
+def _clock_lines(found: RecordingInformation, clock: NamedClock | None) -> list[str]:
+    if clock is not None:
+        source = f"its unit is {'given' if clock.unit else 'assumed'}"
+        line = f"time: {{column: {_quoted(clock.name)}, unit: {clock.unit or 's'}}}"
+        return [f"{line}  # guessed: by its name; {source}"]
     if dates := next((item.name for item in found.topics if HOLDS_DATES in item.readable), ""):
         return [f"time: {{column: {_quoted(dates)}}}  # guessed: it {HOLDS_DATES}"]
     if found.format in ("mdf", "ulog", "tdms"):

@@ -45,6 +45,7 @@ class TopicInformation:
         first, last: s after the recording's start; NaN without messages.
         readable: empty, or why it cannot be read.
         values: of its numbers, as far as they were looked at.
+        group: of a column, what it shares its clock with; empty where the file has one for all.
     """
 
     name: str
@@ -61,6 +62,7 @@ class TopicInformation:
     last: float = float("nan")
     readable: str = ""
     values: tuple[ValueInformation, ...] = ()
+    group: str = ""
 
 
 @dataclass(frozen=True)
@@ -266,6 +268,7 @@ def _of_table(file: Path, source: TableSource) -> RecordingInformation:
                     "",
                     int(column.shape[0]),
                     values=(ValueInformation.of(name, unit, looked_at),),
+                    group=_group_of(source, name),
                 )
             )
         except OutOfTime as error:
@@ -293,6 +296,11 @@ def _of_table(file: Path, source: TableSource) -> RecordingInformation:
         ),
         unseen=unseen,
     )
+
+
+def _group_of(source: TableSource, name: str) -> str:
+    group = source.group_of(name)
+    return "" if group == source.path else group
 
 
 def _size(path: Path) -> int:
