@@ -391,3 +391,20 @@ def test_a_clock_that_was_set_back_is_not_to_be_sorted(tmp_path: Path) -> None:
     assert found["current"].tolist() == list(range(400))
     dropped = recordings.read(path, channels={**mapping, "repair": {"steps_back": "drop"}})
     assert dropped["current"].tolist() == [*range(200), *range(300, 400)]
+
+
+def test_a_table_without_rows_is_empty_and_not_damaged(tmp_path: Path, frame: pd.DataFrame) -> None:
+    path = tmp_path / "none.parquet"
+    frame[:0].to_parquet(path)
+    with pytest.raises(RecordingError, match="the table is empty"):
+        recordings.read(path, channels=MAP)
+    assert recordings.info(path).health == "good"
+
+
+def test_a_column_that_a_torn_file_lacks_may_be_behind_the_damage(tmp_path: Path) -> None:
+    path = tmp_path / "torn.mat"
+    savemat(path, {"t": np.arange(300.0), "F": np.arange(300.0)})
+    path.write_bytes(path.read_bytes()[:3000])
+    channels = {"time": {"column": "t"}, "channels": {"force": {"column": "F", "unit": "N"}}}
+    with pytest.raises(RecordingError, match="no column 'F'; the file is damaged or torn .*: t"):
+        recordings.read(path, channels=channels)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,11 +121,12 @@ def _read(source: Source, mapping: ChannelMap, span: TimeSpan) -> _SourceRead:
     strangers = mapping.strangers()
     sensors = {name: mapping.sensor(name) for name in mapping.channels}
     mapping = mapping.read
-    if isinstance(source, TableSource):
-        mapping = source.in_columns(mapping)
-    mapping, left_out = _of_kind(source, mapping)
-    keys, wanted = _keys_and_requests(source, mapping)
-    tracks, zero = _tracks(source, mapping, wanted, span)
+    with _saying_what_is_torn(source):
+        if isinstance(source, TableSource):
+            mapping = source.in_columns(mapping)
+        mapping, left_out = _of_kind(source, mapping)
+        keys, wanted = _keys_and_requests(source, mapping)
+        tracks, zero = _tracks(source, mapping, wanted, span)
     _refuse_lost(source, tracks)
     beyond: list[str] = []
     if not isinstance(source, TableSource) and mapping.clock is not Clock.HEADER:
@@ -223,6 +225,24 @@ def _exact(
         return None  # samples were sorted or left out
     kept = epoch in (0, source.own_epoch)
     return seconds.copy() if kept else seconds - seconds[0]
+
+
+@contextmanager
+def _saying_what_is_torn(source: Source) -> Iterator[None]:
+    """Let an error about a damaged source say so: what it lacks may have been behind the damage."""
+    try:
+        yield
+    except RecordingError as error:
+        if type(error) is not RecordingError or not source.damaged:
+            raise
+        unsaid = [
+            note for note in source.notes if error.what not in note and note not in error.what
+        ]
+        if not unsaid:
+            raise
+        raise RecordingError(
+            f"{error.what}; {unsaid[0]}", where=error.where, hint=error.hint
+        ) from error
 
 
 def _refuse_lost(source: Source, tracks: Mapping[str, Track]) -> None:

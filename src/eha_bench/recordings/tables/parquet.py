@@ -214,6 +214,8 @@ class ParquetSource(TableSource):
         budget().hold(_NUMBER * values + size, f"'{owner}'")
         size = 0
         for chunk in chunks:
+            if not (self._rows or chunk.values or chunk.rows):
+                continue  # a table without rows has no pages either
             try:
                 found = pages_of(self._content, chunk.start, chunk.end)
             except MissingPage as error:
