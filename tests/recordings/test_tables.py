@@ -406,5 +406,5 @@ def test_a_column_that_a_torn_file_lacks_may_be_behind_the_damage(tmp_path: Path
     savemat(path, {"t": np.arange(300.0), "F": np.arange(300.0)})
     path.write_bytes(path.read_bytes()[:3000])
     channels = {"time": {"column": "t"}, "channels": {"force": {"column": "F", "unit": "N"}}}
-    with pytest.raises(RecordingError, match="no column 'F'; the file is damaged or torn .*: t"):
+    with pytest.raises(RecordingError, match=r"no column 'F'; the file is damaged or torn .*: t"):
         recordings.read(path, channels=channels)

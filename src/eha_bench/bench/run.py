@@ -37,7 +37,7 @@ from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.metrics.scoring import load_metrics
-from eha_bench.recordings import write
+from eha_bench.recordings.writer import write_mcap
 from eha_bench.suites import Suite
 from eha_bench.suites.reach import check_reach
 from eha_bench.targets.checked_run import checked_run
@@ -343,7 +343,7 @@ def _run_one(
     )
     if len(recording):
         try:
-            write(path, recording)
+            write_mcap(path, recording)
         except RecordingError as error:
             # the disk is full: what was written while the trial ran is what there is
             relative = relative if path.is_file() else ""

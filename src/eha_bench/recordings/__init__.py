@@ -1,4 +1,4 @@
-"""Files to recordings and back: any log as a `Recording`, and a `Recording` as MCAP."""
+"""Files to recordings and back: any log as a `Recording`, and a `Recording` as a file."""
 
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from eha_bench.recordings.live import LiveWriter
     from eha_bench.recordings.reader import read, read_topics
     from eha_bench.recordings.recovery import RecoveryReport, recover
-    from eha_bench.recordings.writer import write
+    from eha_bench.recordings.saving import write
 
 __all__ = [
     "ChannelMap",
@@ -47,7 +47,7 @@ __getattr__ = lazy_names(
         "read": "eha_bench.recordings.reader",
         "read_topics": "eha_bench.recordings.reader",
         "recover": "eha_bench.recordings.recovery",
-        "write": "eha_bench.recordings.writer",
+        "write": "eha_bench.recordings.saving",
         "write_rosbag2_metadata": "eha_bench.recordings.bags.rosbag2_metadata",
     },
 )

@@ -12,12 +12,14 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, RecordingError
 from eha_bench.core.extras import require
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.output_folder import spare_inputs
 from eha_bench.core.recording import Recording
 from eha_bench.recordings.tables.library import writing_with
 from eha_bench.recordings.tables.mdf import OWN
 from eha_bench.recordings.tables.parquet import DESCRIPTION
 
-_SUFFIXES = (".csv", ".parquet", ".mf4")
+SUFFIXES = (".csv", ".parquet", ".mf4")
+"""Endings of the files that are written."""
 
 
 def export(path: str | Path, recording: Recording) -> Path:
@@ -31,16 +33,17 @@ def export(path: str | Path, recording: Recording) -> Path:
         recording: what to write.
 
     Raises:
-        InputError: the suffix is none of these.
+        InputError: the suffix is none of these, or the file is the one that was read.
         RecordingError: the file cannot be written, or the library for its format is not installed.
     """
     target = Path(path)
     suffix = target.suffix.lower()
-    if suffix not in _SUFFIXES:
+    if suffix not in SUFFIXES:
         raise InputError(
             f"'{target.name}' does not say a format to export to",
-            hint=f"end it in {', '.join(_SUFFIXES)} ({suggest(suffix or 'csv', _SUFFIXES)})",
+            hint=f"end it in {', '.join(SUFFIXES)} ({suggest(suffix or 'csv', SUFFIXES)})",
         )
+    spare_inputs((target,), (recording.source or None,), "give another target")
     with writing_to(target, RecordingError), replacing(target) as part:
         if suffix == ".csv":
             _csv(part, recording)

@@ -1,4 +1,4 @@
-"""`write`: a complete recording as one MCAP file, chunk by chunk from its arrays."""
+"""A complete recording as one MCAP file, chunk by chunk from its arrays."""
 
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ from eha_bench.recordings import sample
 from eha_bench.recordings.mcap.sink import Compressed, McapSink, compressed_chunk
 from eha_bench.recordings.sample import WideMessage
 
+MCAP = ".mcap"
+"""Ending of the files."""
 _WORKERS = 2
 CHUNK_SIZE = 1 << 20
 """Bytes of a chunk before compression."""
 
 
-def write(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
+def write_mcap(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
     """Write a recording as MCAP (ROS 2 profile, one wide message a tick, zstd) and return its path.
 
     The file appears under its name only when it is whole. Everything in the recording survives

@@ -1,0 +1,42 @@
+"""`eb.write` writes what the name of the file says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eha_bench as eb
+from eha_bench.core.errors import InputError
+from eha_bench.core.recording import Recording
+
+RECORDING = Recording(np.arange(100) / 1e3, {"current": np.arange(100) / 7})
+
+
+@pytest.mark.parametrize(
+    ("name", "format_"), [("a.mcap", "mcap"), ("a.csv", "csv"), ("a.PARQUET", "parquet")]
+)
+def test_the_ending_is_the_format(tmp_path: Path, name: str, format_: str) -> None:
+    path = eb.write(tmp_path / name, RECORDING)
+    assert eb.recordings.info(path).format == format_
+    back = eb.read(path)
+    assert np.array_equal(back["current"], RECORDING["current"])
+    assert np.array_equal(back.time, RECORDING.time)
+
+
+@pytest.mark.parametrize("name", ["a.json", "a", "a.mcap.gz"])
+def test_other_endings_are_refused_with_those_that_are_known(tmp_path: Path, name: str) -> None:
+    known = r"end it in \.mcap, \.csv, \.parquet, \.mf4"
+    with pytest.raises(InputError, match=rf"'{name}' does not say a format to write; {known}"):
+        eb.write(tmp_path / name, RECORDING)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.csv"])
+def test_what_was_read_is_not_written_over(tmp_path: Path, name: str) -> None:
+    path = eb.write(tmp_path / name, RECORDING)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="is read here and would be overwritten; name another"):
+        eb.write(path, eb.read(path).between(0.01, 0.02))
+    assert path.read_bytes() == before
+    with pytest.raises(InputError, match="is read here"):
+        eb.recordings.export(tmp_path / "b.csv", eb.read(eb.write(tmp_path / "b.csv", RECORDING)))
