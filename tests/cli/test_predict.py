@@ -56,3 +56,28 @@ def test_inputs_that_drive_nothing_leave_no_folder(cli, tmp_path) -> None:
     done = cli("predict", "dataset.yaml", "--model", "model.yaml", "--out", "out", check=2)
     assert "dataset.yaml:6, key 'inputs': nothing that eha_knee gives is driven by" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_window_by_the_stamps_of_the_log_is_said_from_its_first_sample(cli, tmp_path) -> None:
+    write_dataset(tmp_path)
+    log = tmp_path / "one.csv"
+    head, *rows = log.read_text().splitlines()
+    late = (f"{float(row.partition(',')[0]) + 5:.3f},{row.partition(',')[2]}" for row in rows)
+    log.write_text("\n".join((head, *late)))
+    path = tmp_path / "dataset.yaml"
+    whole = path.read_text()
+    predict = ("predict", "dataset.yaml", "--out", "out")
+    path.write_text(whole.replace("one.csv,", "one.csv, from: 5.05 s, to: 5.15 s,"))
+    done = cli(*predict, check=2)
+    assert "only 0 samples from 5.05 s to 5.15 s" in done.stderr
+    way = "'from' and 'to' count from the log's first sample"
+    assert f"{way}, which is stamped 5 s: give from: 0.05 s, to: 0.15 s" in done.stderr
+    # as it says
+    path.write_text(whole.replace("one.csv,", "one.csv, from: 0.05 s, to: 0.15 s,"))
+    cli(*predict, check=0)
+    (found, _) = json.loads((tmp_path / "out" / "prediction.json").read_text())["runs"]
+    assert abs(found["samples"] - 100) <= 1
+    assert found["epoch_ns"] == 5_000_000_000
+    # and where no reading of it leaves anything
+    path.write_text(whole.replace("one.csv,", "one.csv, from: 3 s,"))
+    assert f"{way}, and the log lasts 0.199 s" in cli(*predict, check=2).stderr

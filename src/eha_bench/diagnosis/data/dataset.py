@@ -453,7 +453,7 @@ def _reader(
         if computed:
             recording = with_computed(recording, computed, where)
         (recording,) = with_rod_positions((recording,), part.model)
-        return _comparable(_window_of(recording, part), part, fewest)
+        return _comparable(_window_of(recording, part), recording, part, fewest)
 
     return read
 
@@ -464,17 +464,17 @@ def _topics_reader(part: _LogPart, fewest: int) -> Callable[[], tuple[Recording,
 
         topics = with_rod_positions(read_topics(part.log, channels=part.channel_map()), part.model)
         if len(topics) == 1:
-            return (_comparable(_window_of(topics[0], part), part, fewest),)
+            return (_comparable(_window_of(topics[0], part), topics[0], part, fewest),)
         first = min(float(item.time[0]) for item in topics if len(item))
         cut = tuple(_window_of(item, part, first) for item in topics)
-        _comparable(max(cut, key=len), part, fewest)
+        _comparable(max(cut, key=len), max(topics, key=len), part, fewest)
         return cut
 
     return read
 
 
-def _comparable(recording: Recording, part: _LogPart, fewest: int) -> Recording:
-    """Return a recording that a model can be compared with.
+def _comparable(recording: Recording, log: Recording, part: _LogPart, fewest: int) -> Recording:
+    """Return a recording, the part of a log, that a model can be compared with.
 
     Raises:
         RecordingError: it has too few samples, or is longer than a day.
@@ -483,7 +483,7 @@ def _comparable(recording: Recording, part: _LogPart, fewest: int) -> Recording:
         raise RecordingError(
             f"only {len(recording)} samples{_window(part)}, too few to compare a model with",
             where=Place(file=str(part.log)),
-            hint="check 'from' and 'to' of that run in the dataset" if _window(part) else "",
+            hint=_way_to_window(log, part) if _window(part) else "",
         )
     length = float(recording.time[-1] - recording.time[0])
     if fewest > 1 and length > _LONGEST:
@@ -493,6 +493,22 @@ def _comparable(recording: Recording, part: _LogPart, fewest: int) -> Recording:
             hint="check the unit of its time in channels.yaml, or cut it",
         )
     return recording
+
+
+def _way_to_window(log: Recording, part: _LogPart) -> str:
+    """Say how a window is given; where the log's own time stamps were meant, which it would be."""
+    way = "'from' and 'to' count from the log's first sample"
+    if not len(log):
+        return way
+    own = float(log.time[0])
+    length = float(log.time[-1]) - own
+    for zero in (own, own + log.epoch_ns / 1e9):
+        start = part.start - zero
+        if zero > 0.0 and 0.0 <= start < length:
+            keys = f"from: {start:.6g} s"
+            keys += f", to: {part.stop - zero:.6g} s" if part.stop is not None else ""
+            return f"{way}, which is stamped {zero:.6g} s: give {keys}"
+    return f"{way}, and the log lasts {length:.6g} s"
 
 
 def _window_of(recording: Recording, part: _LogPart, first: float | None = None) -> Recording:

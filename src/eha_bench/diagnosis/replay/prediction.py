@@ -229,7 +229,8 @@ def predict(
         dataset: dataset.yaml, a dict of what it would hold, or as loaded.
         model: model.yaml, the name of a shipped one, a dict, or as loaded; the dataset's own where
             not given.
-        out: folder that gets one Parquet file a run, and prediction.json.
+        out: folder that gets one Parquet file a run, and prediction.json; their `time` counts from
+            `epoch_ns`, as that of `read` does.
         progress: called with the run's name and the fraction done.
 
     Raises:
