@@ -34,6 +34,11 @@ def test_a_new_project_runs_scores_and_diagnoses_at_once(
     assert "reports/" in Path(".gitignore").read_text()
 
 
+def test_the_way_into_a_project_can_be_pasted(cli: Cli) -> None:
+    told = cli("init", "my bench", check=0).stderr
+    assert "next: cd 'my bench' && eha-bench run suite.yaml" in told
+
+
 def test_init_asks_nothing_and_overwrites_nothing(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "suite.yaml").write_text("mine")
     told = cli("init", check=0).stderr

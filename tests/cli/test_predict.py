@@ -81,3 +81,31 @@ def test_a_window_by_the_stamps_of_the_log_is_said_from_its_first_sample(cli, tm
     # and where no reading of it leaves anything
     path.write_text(whole.replace("one.csv,", "one.csv, from: 3 s,"))
     assert f"{way}, and the log lasts 0.199 s" in cli(*predict, check=2).stderr
+
+
+def test_readings_beyond_all_sensors_are_refused_without_a_page_of_warnings(
+    cli, tmp_path, recwarn
+) -> None:
+    write_dataset(tmp_path)
+    log = tmp_path / "one.csv"
+    head, *rows = log.read_text().splitlines()
+    log.write_text("\n".join((head, *(f"{row}e199" for row in rows))))
+    (tmp_path / "model.yaml").write_text("model: eha_knee\ncalibrate: [leakage]\n")
+    done = cli("calibrate", "dataset.yaml", "--out", "out", check=2)
+    assert "one.csv, at 0" in done.stderr
+    assert "s: 'pressure_a' reads" in done.stderr
+    assert "e+204 Pa, as no sensor does; check its column, unit and scale" in done.stderr
+    assert not [item for item in recwarn if issubclass(item.category, RuntimeWarning)]
+
+
+def test_no_input_is_said_as_none(cli, tmp_path) -> None:
+    write_dataset(tmp_path)
+    path = tmp_path / "dataset.yaml"
+    path.write_text(path.read_text() + "inputs: []\n")
+    (tmp_path / "plant.yaml").write_text(
+        "plant: spindle\nnodes: {shaft: {kind: rotation, inertia: 9e-4 kg*m^2}}\n"
+        "elements:\n  motor: {kind: motor, on: shaft, torque_constant: 0.13 N*m/A}\n"
+        "inputs: {current_command: motor.current}\nchannels: {motor_speed: shaft.speed}\n"
+    )
+    done = cli("predict", "dataset.yaml", "--model", "plant.yaml", "--out", "out", check=2)
+    assert "'inputs' is empty, and nothing that spindle gives moves by itself" in done.stderr

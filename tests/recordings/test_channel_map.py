@@ -218,3 +218,10 @@ def test_a_map_of_the_other_kind_alone_is_refused(
     )
     with pytest.raises(InputError, match=what):
         read(path, channels={"sample_rate": "1 kHz", "channels": {"current": entry}})
+
+
+def test_a_scale_of_nothing_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "map.yaml"
+    path.write_text("sample_rate: 1 kHz\nchannels:\n  force: {column: F, unit: N, scale: 0}\n")
+    with pytest.raises(InputError, match=r"yaml:3, key 'channels\.force\.scale': a scale of 0"):
+        load_channel_map(path)

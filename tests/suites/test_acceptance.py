@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from writing import STEP, only, refusal
 
-from eha_bench.core.errors import UnitError
+from eha_bench.core.errors import InputError, UnitError
 from eha_bench.core.limit import AcceptanceLimit, Bounds
 from eha_bench.core.metric import METRICS, MetricSpec
+from eha_bench.suites import load_suite
 from eha_bench.suites.acceptance.grammar import parse_bounds
 
 DEG = math.pi / 180
@@ -275,3 +276,47 @@ def test_what_such_a_limit_cannot_be(tmp_path: Path) -> None:
     assert "expected a unit of the dimension of Pa*s" in str(wrong)
     unknown = refusal(tmp_path, f"{STEP}    accept: {{iae: {{max: 2 K*s, channel: core_heat}}}}\n")
     assert "give its 'unit'" in str(unknown)
+
+
+def _limited(folder: Path, entry: str) -> Path:
+    path = folder / "s.yaml"
+    path.write_text(
+        "name: s\ntrials:\n  - id: a\n    mode: pressure\n    duration: 0.1 s\n"
+        "    signal: {kind: step, final: 1 MPa, at: 10 ms}\n"
+        f"    accept:\n      {entry}\n"
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("rise_time: <= -5 ms", "no run can keep it: rise_time is never below 0"),
+        ("tracking_rms: -2 MPa .. -1 MPa", "tracking_rms is never below 0"),
+        (
+            "rise_time: {limit: <= 41 ms, warn: <= 50 ms}",
+            "nothing is ever warned: it is",
+        ),
+        ("rise_time: {limit: <= 41 ms, warn: <= 41 ms}", "nothing is ever warned"),
+        ("peak: {limit: 1 MPa .. 2 MPa, warn: '>= 0.5 MPa'}", "nothing is ever warned"),
+    ],
+)
+def test_limits_that_mean_nothing(tmp_path: Path, entry: str, message: str) -> None:
+    path = _limited(tmp_path, entry)
+    with pytest.raises(InputError, match=message) as caught:
+        load_suite(path)
+    assert caught.value.where.line == 8
+    assert caught.value.hint
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "steady_state_error: <= -1 MPa",
+        "rise_time: <= 0 ms",
+        "peak: {limit: 1 MPa .. 2 MPa, warn: <= 1.9 MPa}",
+    ],
+)
+def test_limits_that_some_run_keeps(tmp_path: Path, entry: str) -> None:
+    path = _limited(tmp_path, entry)
+    assert len(load_suite(path).trials[0].limits) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -62,7 +63,7 @@ def init(
         with replacing(target) as part:
             part.write_bytes(source.read_bytes())
         typer.echo(str(target))
-    move = "" if folder == Path() else f"cd {folder} && "
+    move = "" if folder == Path() else f"cd {shlex.quote(str(folder))} && "
     say(f"\nnext: {move}eha-bench run suite.yaml --target target.yaml")
 
 

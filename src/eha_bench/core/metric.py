@@ -6,6 +6,7 @@ neither has to know the other. The ids of the table are public (result.json).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
@@ -65,6 +66,7 @@ class MetricSpec:
         needs: what the signal must have; None where any will do.
         matters: the smallest difference between two results that matters where the suite does not
             say, as a suite writes it; "" for the one by unit (`matters_by_default`).
+        least: the smallest value that it can have; a limit below it could never be kept.
     """
 
     id: str
@@ -74,6 +76,7 @@ class MetricSpec:
     better: Better = Better.UNKNOWN
     needs: Needs | None = None
     matters: str = ""
+    least: float = -math.inf
 
     def __post_init__(self) -> None:
         """Refuse a unit that is none.
@@ -108,6 +111,7 @@ _ALL: Final = (
         "s",
         better=Better.LOWER,
         needs=Needs.STEP,
+        least=0.0,
     ),
     MetricSpec(
         "response_time",
@@ -122,6 +126,7 @@ _ALL: Final = (
         "s",
         better=Better.LOWER,
         needs=Needs.STEP,
+        least=0.0,
     ),
     MetricSpec(
         "overshoot",
@@ -129,6 +134,7 @@ _ALL: Final = (
         better=Better.LOWER,
         needs=Needs.STEP,
         matters="0.01",
+        least=0.0,
     ),
     MetricSpec(
         "undershoot",
@@ -136,6 +142,7 @@ _ALL: Final = (
         better=Better.LOWER,
         needs=Needs.STEP,
         matters="0.01",
+        least=0.0,
     ),
     MetricSpec(
         "peak",
@@ -144,7 +151,12 @@ _ALL: Final = (
         needs=Needs.STEP,
     ),
     MetricSpec(
-        "peak_time", "from the edge to the peak", "s", better=Better.LOWER, needs=Needs.STEP
+        "peak_time",
+        "from the edge to the peak",
+        "s",
+        better=Better.LOWER,
+        needs=Needs.STEP,
+        least=0.0,
     ),
     MetricSpec(
         "delay_time",
@@ -168,25 +180,32 @@ _ALL: Final = (
         needs=Needs.STEP,
     ),
     MetricSpec(
-        "tracking_rms", "root mean square of reference minus measurement", None, better=Better.LOWER
+        "tracking_rms",
+        "root mean square of reference minus measurement",
+        None,
+        better=Better.LOWER,
+        least=0.0,
     ),
     MetricSpec(
         "tracking_max",
         "largest magnitude of reference minus measurement",
         None,
         better=Better.LOWER,
+        least=0.0,
     ),
     MetricSpec(
         "tracking_nrmse",
         "tracking_rms over the span of the reference",
         better=Better.LOWER,
         matters="2 % of baseline",
+        least=0.0,
     ),
     MetricSpec(
         "amplitude_ratio",
         "fundamental of the measurement over that of the reference",
         better=Better.NEARER_ONE,
         needs=Needs.SINE,
+        least=0.0,
     ),
     MetricSpec(
         "phase_lag",
@@ -208,6 +227,7 @@ _ALL: Final = (
         better=Better.LOWER,
         needs=Needs.SINE,
         matters="0.005",
+        least=0.0,
     ),
     MetricSpec(
         "bandwidth_3db",
@@ -215,6 +235,7 @@ _ALL: Final = (
         "Hz",
         better=Better.HIGHER,
         needs=Needs.BAND,
+        least=0.0,
     ),
     MetricSpec(
         "bandwidth_90deg",
@@ -222,6 +243,7 @@ _ALL: Final = (
         "Hz",
         better=Better.HIGHER,
         needs=Needs.BAND,
+        least=0.0,
     ),
     MetricSpec(
         "loop_overruns",
@@ -230,6 +252,7 @@ _ALL: Final = (
         "",
         better=Better.LOWER,
         matters="1",
+        least=0.0,
     ),
 )
 

@@ -291,6 +291,10 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
         )  # fmt: skip
         parameter = _calibrated_parameter(layout, known, key, where)
         key = layout.key(key)
+        if key in calibrate:
+            raise InputError(
+                f"'{key}' is under calibrate twice", where=where, hint="keep one of the two entries"
+            )
         calibrate.append(key)
         if tolerance is not None:
             value = float(model.vector()[layout.index[key]])

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
+
+MOST: Final = 1e40
+"""SI; a number of a machine beyond it is a slip of the pen, and makes infinite what it meets."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,8 @@ class Parameter:
         """Return why a value (in `unit`) cannot be, or "" where it can."""
         if self.nonzero and value == 0.0:
             return f"{self.name} cannot be 0"
+        if MOST < abs(value) < math.inf:
+            return f"{f'{value:g} {unit}'.rstrip()} is beyond any machine: check its unit"
         if self.low <= value <= self.high:
             return ""
         return f"{f'{value:g} {unit}'.rstrip()} is outside {self.low:g} ... {self.high:g}"

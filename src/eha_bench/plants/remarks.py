@@ -1,7 +1,8 @@
-"""What a model may say, and hardly means: a tolerance that is many times the value."""
+"""What a model may say, and hardly means: a wide tolerance, a friction that is less at rest."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 from eha_bench.plants.model import Model
@@ -20,4 +21,22 @@ def remarks(model: Model) -> list[str]:
                 f"'{key}' is believed to within {tolerance:g}, {tolerance / value:.3g} times its "
                 f"value of {value:g} (SI); a share is written 'within: {tolerance:g} %'"
             )
-    return found
+    return [*found, *_rising_friction(model)]
+
+
+def _rising_friction(model: Model) -> Iterator[str]:
+    """Yield frictions whose level at rest is below that of motion: theirs would rise with speed."""
+    layout = model.plant.layout
+    known = {*layout.by_key, *layout.synonyms}
+    for key in sorted(known):
+        owner, _, name = key.rpartition(".")
+        coulomb = f"{owner}.coulomb"
+        if name != "static" or coulomb not in known:
+            continue
+        rest, moving = model.value(key), model.value(coulomb)
+        if rest < moving:
+            yield (
+                f"'{key}' of {rest:g} (SI) is below '{coulomb}' of {moving:g}: friction that falls "
+                "with the speed is largest at rest, and this one rises; leave 'static' and "
+                "'stribeck_speed' out where it does not fall"
+            )

@@ -148,6 +148,13 @@ class ChannelEntry(StrictModel):
             )
         return self
 
+    @field_validator("scale")
+    @classmethod
+    def _tells_readings_apart(cls, scale: float) -> float:
+        if scale == 0.0:
+            raise ValueError("a scale of 0 makes all readings alike: give the sensor's, or none")
+        return scale
+
     def _alone(self) -> ChannelEntry:
         for key in self.model_fields_set - {"expression", "unit"}:
             raise ErrorAt(f"a computed channel has an expression and a unit, and no '{key}'", key)

@@ -256,8 +256,11 @@ class Dataset:
         """
         found = plant.determined(self.inputs)
         if not set(found) - set(self.inputs):
+            driving = ", ".join(self.inputs)
             raise InputError(
-                f"nothing that {plant.id} gives is driven by {', '.join(self.inputs)}",
+                f"nothing that {plant.id} gives is driven by {driving}"
+                if driving
+                else f"'inputs' is empty, and nothing that {plant.id} gives moves by itself",
                 where=self.inputs_at,
                 hint="name a command that moves it, or a measured state that others follow; "
                 f"it gives: {', '.join(plant.outputs)}",

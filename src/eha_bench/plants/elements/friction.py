@@ -19,7 +19,13 @@ from eha_bench.plants.parameter import Parameter
 _INF = math.inf
 _COULOMB = Parameter("coulomb", "{effort}", 0.0, 0.0, _INF, "F_c")
 _STATIC = Parameter(
-    "static", "{effort}", 0.0, 0.0, _INF, "F_s", "where it is left out nothing falls with the speed"
+    "static",
+    "{effort}",
+    0.0,
+    0.0,
+    _INF,
+    "F_s",
+    "at rest, `coulomb` or more; where it is left out nothing falls with the speed",
 )
 _STRIBECK = Parameter("stribeck_speed", "{speed}", 1.0, 1e-9, _INF, "v_s")
 _VISCOUS = Parameter("viscous", "{damping}", 0.0, 0.0, _INF, "B")

@@ -181,6 +181,11 @@ def _acceptance(
         same = form.limit is None or form.limit == words.bounds
         plain = form if same else form.model_copy(update={"limit": words.bounds})
         bounds, text = _bounds(plain, unit, entry)
+    if bounds.high < spec.least:
+        raise entry.error(
+            f"no run can keep it: {metric} is never below {spec.least:g}",
+            hint=examples(unit),
+        )
     confident = words.confident or form.confidence is not None
     text += " with 95 % confidence" if confident else ""
     text += f", {form.repeats.value} of the repeats" if form.repeats is not Repeats.ALL else ""
@@ -188,6 +193,12 @@ def _acceptance(
     if form.warn is not None:
         warning = entry.at("warn")
         warn, _ = _bounds(_form(BoundsFile, warning), unit, warning)
+        # one beside a baseline is met by whatever that is next
+        if not words.relative and warn.low <= bounds.low and warn.high >= bounds.high:
+            raise warning.error(
+                f"nothing is ever warned: it is not within the limit ({text})",
+                hint="give a warning tighter bounds than its limit, or leave it out",
+            )
         warn = Bounds(max(warn.low, bounds.low), min(warn.high, bounds.high))
         if not warn.low <= warn.high:
             raise warning.error("no value is accepted without a warning")

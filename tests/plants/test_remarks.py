@@ -1,0 +1,32 @@
+"""What a model may not be, and what it may be and hardly means."""
+
+from __future__ import annotations
+
+import pytest
+
+from eha_bench.core.errors import InputError
+from eha_bench.plants.model import load_model
+from eha_bench.plants.remarks import remarks
+
+
+@pytest.mark.parametrize(("static", "rest"), [("0.2", "rises"), ("0.3", ""), ("0.4", "")])
+def test_friction_that_is_less_at_rest_is_noted(static: str, rest: str) -> None:
+    model = load_model(
+        {"model": "eha_knee", "parameters": {"coulomb_torque": 0.3, "static_torque": float(static)}}
+    )
+    found = remarks(model)
+    assert len(found) == bool(rest)
+    assert all("'drag.static' of 0.2 (SI) is below 'drag.coulomb' of 0.3" in one for one in found)
+
+
+def test_a_parameter_is_calibrated_once() -> None:
+    # also under its other name
+    for second in ("coulomb_torque", "drag.coulomb"):
+        with pytest.raises(InputError, match=r"'calibrate\.1': .* is under calibrate twice; keep"):
+            load_model({"model": "eha_knee", "calibrate": ["coulomb_torque", second]})
+
+
+@pytest.mark.parametrize("mass", ["1e300 kg", 1e41])
+def test_a_parameter_beyond_any_machine_is_refused(mass: str | float) -> None:
+    with pytest.raises(InputError, match=r"load_mass': .* is beyond any machine: check its unit"):
+        load_model({"model": "eha_knee", "parameters": {"load_mass": mass}})
