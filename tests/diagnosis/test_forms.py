@@ -6,7 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -152,3 +152,21 @@ def test_a_count_that_a_scan_has_found_stays(repository: Path) -> None:
     found = forms_of(layout, item, fit)
     assert all("cogging_torque.count" not in start.keys for start in found)
     assert any("cogging_torque.second" in start.keys for start in found)
+
+
+def test_teeth_that_give_way_are_a_form_of_play(repository: Path) -> None:
+    """Looked for once a play is found: at the present play, from several stiffnesses."""
+    layout = load_plant(repository / "suites/plants/geared_servo.yaml").layout
+    effect = layout.effect("gear_backlash")
+    contact = layout.index["gear_backlash.contact"]
+    own = effect_starts(layout, effect)
+    assert own
+    assert all(dict(start.settings)[contact] == 0.0 for start in own)
+    assert all("gear_backlash.compliance" not in start.keys for start in own)
+    vector = own[0].apply(layout.defaults())
+    item = Accepted(own[0], NOT_COMPARED, ())
+    found = forms_of(layout, item, cast(Any, SimpleNamespace(vector=vector)))
+    elastic = [start for start in found if dict(start.settings)[contact] == 1.0]
+    compliance = layout.index["gear_backlash.compliance"]
+    assert len({dict(start.settings)[compliance] for start in elastic}) == 4
+    assert all("gear_backlash.compliance" in start.keys for start in elastic)

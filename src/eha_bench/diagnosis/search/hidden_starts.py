@@ -29,8 +29,10 @@ _BETTER = 0.8
 _ROUNDS = 4
 _SETTLED = 0.02
 """Share of the cost by which a round has to lower it to be followed by another."""
-_ROUGH = 6
-"""Iterations of a fit that only compares starts."""
+_FIRST, _ROUGH = 2, 6
+"""Iterations of a fit that chooses starts, and of one that compares those chosen."""
+_CHOSEN = 3
+"""Starts that are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +96,23 @@ def _opened(search: Search, item: Refit, starts: Sequence[Start]) -> _Opened:
     begin = [(start, start.apply(search.fit.vector)) for start in starts]
     problem = _prepared(search.problem, begin[0][1]).at_step(COARSE)
 
-    def fitted(pair: tuple[Start, FloatArray]) -> Refit:
+    def first(pair: tuple[Start, FloatArray]) -> Refit:
         start, vector = pair
         free = free_of(search, vector, [start])
-        fit = levenberg_marquardt(problem, vector, free, iterations=_ROUGH, refresh=1)
+        fit = levenberg_marquardt(
+            problem, vector, free, iterations=_FIRST, known=search.fit.columns, refresh=0
+        )
         return replace(item, start=start, fit=fit)
 
-    ends = side_by_side(fitted, [*begin, (item.start, item.fit.vector)])
-    best = min(ends, key=lambda end: end.fit.cost)
+    def further(trial: Refit) -> Refit:
+        fit = levenberg_marquardt(
+            problem, trial.fit.vector, trial.fit.free, iterations=_ROUGH, refresh=1
+        )
+        return replace(trial, fit=fit)
+
+    begun = side_by_side(first, [*begin, (item.start, item.fit.vector)])
+    begun.sort(key=lambda trial: trial.fit.cost)
+    best = min(side_by_side(further, begun[:_CHOSEN]), key=lambda end: end.fit.cost)
     for _ in range(_ROUNDS):
         # what is open changes with the sizes that were found
         problem = _prepared(search.problem, best.fit.vector).at_step(COARSE)

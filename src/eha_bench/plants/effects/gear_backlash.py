@@ -16,6 +16,8 @@ from __future__ import annotations
 from eha_bench.plants.effect import Action, Coupling, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
+_ELASTIC = 1.0
+
 EFFECT = Effect(
     id="gear_backlash",
     summary="Play between a drive and its load, in a gear or before the load's sensor.",
@@ -30,8 +32,10 @@ EFFECT = Effect(
         ),
         Parameter(
             "compliance", "{compliance}", 0.0, 0.0, 1e3, "c",
-            "of the teeth; 0: as stiff as a step follows", searched=False,
+            "of the teeth; 0: as stiff as a step follows; a declared one acts with any contact",
+            when=("contact", ("elastic",)),
         ),
+        choice("contact", ("stiff", "elastic"), "whether the teeth give way", refines=True),
     ),
     actions={
         "rigid_joint": Action(
@@ -43,7 +47,10 @@ EFFECT = Effect(
         "reverse slowly: with play the torque falls to what the drive alone takes before the load "
         "follows"
     ),
-    starts=tuple({"play": 1e-4 * 2.0**k} for k in range(-1, 5)),
+    starts=(
+        *({"play": 1e-4 * 2.0**k} for k in range(-1, 5)),
+        *({"contact": _ELASTIC, "play": 2e-4, "compliance": 0.05 * 4.0**k} for k in range(4)),
+    ),
     yields_to="joint_backlash",
     reversing=True,
 )  # fmt: skip
