@@ -137,8 +137,8 @@ def test_an_interrupt_leaves_what_was_found_before(monkeypatch: pytest.MonkeyPat
     (("entrained_air", "relief_valve"), 945.0, True),
     (("entrained_air", "relief_valve"), 930.0, False),
     # beside it, a part of the 30
-    (("command_delay", "relief_valve"), 972.0, False),
-    (("relief_valve", "command_delay"), 976.0, True),
+    (("command_delay", "relief_valve"), 977.0, False),
+    (("relief_valve", "command_delay"), 978.0, True),
 ])  # fmt: skip
 def test_over_short_windows_two_have_to_come_near_what_was_found(
     names: tuple[str, str], gain: float, passes: bool

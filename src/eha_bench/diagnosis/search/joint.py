@@ -44,9 +44,6 @@ _MAY_WIN = 0.8
 _LEAVES = 2.0
 """Most that two others may leave over short windows, in what was found leaves there: over long ones
 they have to leave less."""
-_BESIDE = 1.0
-"""Share of what a second effect has to explain of what the first leaves, from which the two are
-taken beyond short windows."""
 
 
 def joint(search: Search) -> bool:
@@ -218,8 +215,8 @@ def _may_pass(kept: Search, near: Near, pair: Nearby, found: Nearby | None) -> b
     """Whether two may explain more than what was found, by what they do over short windows.
 
     Where one was found that explains nearly all, no two others will do so by chance. A second one
-    beside it was looked for, over long windows; over short ones it has to explain a part of what
-    the first leaves.
+    beside it was looked for, over long windows; over short ones it has to explain as much of what
+    the first leaves as it has to in the end.
 
     Args:
         kept: as found. near: the short windows. pair: two, fitted there. found: what was found,
@@ -230,7 +227,7 @@ def _may_pass(kept: Search, near: Near, pair: Nearby, found: Nearby | None) -> b
     gained, missing = near.gain(found), near.excess
     if _holds(pair, found.starts):
         share = kept.thresholds.least_share(kept.excess_left)
-        return near.gain(pair) - gained > _BESIDE * share * (missing - gained)
+        return near.gain(pair) - gained > share * (missing - gained)
     return missing - near.gain(pair) < _LEAVES * (missing - gained)
 
 

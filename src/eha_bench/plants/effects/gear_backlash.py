@@ -16,7 +16,7 @@ from __future__ import annotations
 from eha_bench.plants.effect import Action, Coupling, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
-_ELASTIC = 1.0
+_STIFF, _ELASTIC = 0.0, 1.0
 
 EFFECT = Effect(
     id="gear_backlash",
@@ -48,7 +48,7 @@ EFFECT = Effect(
         "follows"
     ),
     starts=(
-        *({"play": 1e-4 * 2.0**k} for k in range(-1, 5)),
+        *({"contact": _STIFF, "play": 1e-4 * 2.0**k} for k in range(-1, 5)),
         *({"contact": _ELASTIC, "play": 2e-4, "compliance": 0.05 * 4.0**k} for k in range(4)),
     ),
     yields_to="joint_backlash",
