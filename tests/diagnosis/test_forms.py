@@ -168,5 +168,5 @@ def test_teeth_that_give_way_are_a_form_of_play(repository: Path) -> None:
     found = forms_of(layout, item, cast(Any, SimpleNamespace(vector=vector)))
     elastic = [start for start in found if dict(start.settings)[contact] == 1.0]
     compliance = layout.index["gear_backlash.compliance"]
-    assert len({dict(start.settings)[compliance] for start in elastic}) == 4
+    assert len({dict(start.settings)[compliance] for start in elastic} - {0.0}) == 4
     assert all("gear_backlash.compliance" in start.keys for start in elastic)

@@ -109,3 +109,39 @@ def test_the_corner_of_a_plateau_is_no_peak_beyond_it(kit, ramp, noise):
         found = kit.measure(name, recording, trial)
         assert found.low <= truth <= found.high
         assert found.value == pytest.approx(truth, abs=0.003 * truth / 0.3)
+
+
+@pytest.fixture
+def two_steps(kit):
+    """A step that overshoots by 37 %, and 0.7 s later one that does not; both settle."""
+    time = np.arange(1600) / 1000
+    first, second = (np.clip(time - at, 0.0, None) for at in (0.1, 0.8))
+    values = SIZE * (second_order(first) - 0.5 * (1.0 - np.exp(-second / 0.02)))
+    values += 1e3 * np.random.default_rng(6).normal(size=time.size)
+    reference = SIZE * ((time >= 0.1 - 1e-9) - 0.5 * (time >= 0.8 - 1e-9))
+    trial = kit.trial(kit.Steps((0.1, 0.8), (0.0, SIZE, 0.5 * SIZE), 1.6), 1.6)
+    metadata = {"signal_start": "0.0"}
+    return Recording(time, {"reference": reference, kit.channel: values}, metadata=metadata), trial
+
+
+def test_a_gap_after_another_edge_hides_no_overshoot_that_was_read(kit, two_steps):
+    recording, trial = two_steps
+    found = kit.measure("overshoot", without(recording, 0.71, 0.76), trial)
+    assert found.value == pytest.approx(0.3723, abs=1e-3)
+    assert found.high == math.inf
+    assert "worst of 2 edges, at 0.1 s; it may be worse at the edge at 0.8 s" in found.reason
+
+
+def test_a_step_may_settle_later_after_another_edge(kit, two_steps):
+    recording, trial = two_steps
+    found = kit.measure("settling_time", without(recording, 1.0, 1.1), trial)
+    assert found.value == pytest.approx(0.1123, abs=2e-3)
+    assert found.high == pytest.approx(0.401, abs=2e-3)
+
+
+def test_what_has_settled_on_both_sides_has_no_extreme_in_between(kit, overshooting):
+    recording, trial = overshooting
+    lossy = without(recording, 0.5, 0.56)
+    for name in ("overshoot", "peak", "undershoot", "peak_time"):
+        whole, found = kit.measure(name, recording, trial), kit.measure(name, lossy, trial)
+        assert found.high == pytest.approx(whole.high, rel=0.02, abs=1e-4)

@@ -71,7 +71,7 @@ class Extreme:
     rivals: float = 1.0
 
     @property
-    def chosen(self) -> float:
+    def selection_bias(self) -> float:
         """How much too high the highest of the places that may be as high is, at most."""
         return (_largest(self.rivals, 0.975) - NORMAL) * math.sqrt(self.peak.variance)
 
@@ -160,7 +160,7 @@ class Overshoot(StepMetric):
             convention = f"beyond the final level as a fraction of the step, {LEVELS}"
             return _fraction(step, value, found, levels, convention, step.cut_above)
 
-        return Finding(value, measure, _is_open(step, step.cut_above))
+        return Finding(value, measure, step.cut_above, bool(step.unseen_in_motion))
 
 
 class Undershoot(StepMetric):
@@ -178,7 +178,7 @@ class Undershoot(StepMetric):
             convention = f"before the initial level as a fraction of the step, {LEVELS}"
             return _fraction(step, value, found, levels, convention, step.cut_below)
 
-        return Finding(value, measure, _is_open(step, step.cut_below))
+        return Finding(value, measure, step.cut_below, bool(step.unseen_in_motion))
 
 
 def _own_budget(step: StepResponse, found: Peak) -> Budget:
@@ -199,7 +199,7 @@ def _fraction(
     clipped: bool,
 ) -> Measure:
     measure = around(step, value, _own_budget(step, found.peak) + levels, convention)
-    low = 0.0 if value <= found.threshold else max(measure.low - found.chosen, 0.0)
+    low = 0.0 if value <= found.threshold else max(measure.low - found.selection_bias, 0.0)
     if math.isnan(measure.low):
         low = math.nan
     measure = replace(measure, low=low)
@@ -215,18 +215,16 @@ def _extreme_as_read(step: StepResponse, height: float, side: float) -> float:
     return min(height, float(np.max(side * step.rise[step.origin :]))) if cut else height
 
 
-def _is_open(step: StepResponse, clipped: bool) -> bool:
-    """Whether an extreme may be any larger than what was read."""
-    return clipped or bool(step.unseen)
-
-
 def _opened(step: StepResponse, measure: Measure, side: float, clipped: bool) -> Measure:
-    """Return a measure that holds what was not read: beyond a sensor's end, or in lost samples."""
+    """Return a measure that holds what was not read: beyond a sensor's end, or in lost samples.
+
+    Between two samples of a settled response a step has no extreme.
+    """
     if clipped:
         return _cut_off(measure, side, "the sensor's end cut it off")
-    if not step.unseen:
+    if not step.unseen_in_motion:
         return measure
-    start, stop = max(step.unseen, key=lambda one: one[1] - one[0])
+    start, stop = max(step.unseen_in_motion, key=lambda one: one[1] - one[0])
     lost = f"samples are lost from {start:.4g} to {stop:.4g} s after the edge"
     return _cut_off(measure, side, lost)
 
@@ -254,8 +252,8 @@ class PeakValue(StepMetric):
         """Return the value of the local polynomial's extreme."""
         found = highest(step)
         value = step.initial + step.step * _extreme_as_read(step, found.peak.value, 1.0)
-        whether = _is_open(step, step.cut_above)
-        return Finding(value, lambda: self._measure(step, found, value), whether)
+        unseen = bool(step.unseen_in_motion)
+        return Finding(value, lambda: self._measure(step, found, value), step.cut_above, unseen)
 
     @staticmethod
     def _measure(step: StepResponse, found: Extreme, value: float) -> Measure:
@@ -263,8 +261,8 @@ class PeakValue(StepMetric):
         absolute, relative = step.calibration
         sensor = type_b("sensor", math.hypot(absolute, relative * value))
         own = reach(budget + sensor)
-        chosen = found.chosen * step.step
-        low, high = value - own - max(chosen, 0.0), value + own - min(chosen, 0.0)
+        bias = found.selection_bias * step.step
+        low, high = value - own - max(bias, 0.0), value + own - min(bias, 0.0)
         if found.peak.value - 1.0 <= found.threshold:
             # no more than the level that it settles at
             settled = reach(step.final_budget.scaled(step.step) + sensor)
@@ -364,7 +362,9 @@ class PeakTime(StepMetric):
             raise NotScored("no peak: the response does not overshoot beyond its noise")
         if step.cut_above:
             raise NotScored("the peak is clipped: the sensor's end cut it off")
-        return Finding(max(found.peak.time, 0.0), lambda: self._measure(step, found))
+        unseen = bool(step.unseen_in_motion)
+        value = max(found.peak.time, 0.0)
+        return Finding(value, lambda: self._measure(step, found), unseen=unseen)
 
     @staticmethod
     def _measure(step: StepResponse, found: Extreme) -> Measure:
@@ -378,7 +378,7 @@ class PeakTime(StepMetric):
         else:
             low = high = math.nan
         reason = with_state(step, "edge to the peak")
-        if step.unseen:
-            low, high = min(low, step.unseen[0][0]), max(high, step.unseen[-1][1])
+        if lost := step.unseen_in_motion:
+            low, high = min(low, lost[0][0]), max(high, lost[-1][1])
             reason = f"the peak may be where samples are lost; {reason}"
         return since_edge(step, Measure(found.peak.time, low, high, reason, budget))

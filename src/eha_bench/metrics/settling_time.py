@@ -188,7 +188,7 @@ def _as_late_as_unseen(step: StepResponse, found: Finding) -> Finding:
         low = own.low if math.isnan(own.low) else min(own.low, *(one[0] for one in later))
         return replace(own, low=low, high=max(own.high, stop), reason=f"{own.reason}; {why}")
 
-    return replace(found, measure=measure)
+    return replace(found, measure=measure, unseen=True)
 
 
 def _noise_of(budget: Budget) -> float:

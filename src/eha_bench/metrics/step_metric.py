@@ -29,11 +29,13 @@ class Finding:
         value: SI.
         measure: gives the value with its interval and its budget.
         open: whether a sensor's end cut it off, so that it may be any larger.
+        unseen: whether samples are lost where it may have been larger.
     """
 
     value: float
     measure: Callable[[], Measure]
     open: bool = False
+    unseen: bool = False
 
     @property
     def magnitude(self) -> tuple[float, float]:
@@ -58,6 +60,9 @@ class StepMetric(Metric):
         chosen = found[place].measure()
         if len(found) == 1:
             return chosen
+        for step, other in zip(responses, found, strict=True):
+            if other.unseen and other is not found[place]:
+                chosen = _as_far_as(chosen, other.measure(), step.edge.time)
         which = f"worst of {len(found)} edges, at {responses[place].edge.time:.6g} s"
         return replace(chosen, reason=f"{which}; {chosen.reason}")
 
@@ -74,6 +79,16 @@ class StepMetric(Metric):
     @abstractmethod
     def find(self, step: StepResponse) -> Finding:
         """Return what is found at one edge."""
+
+
+def _as_far_as(measure: Measure, other: Measure, edge: float) -> Measure:
+    """Return the measure of the worst edge, as far as lost samples after another may reach."""
+    low = min(measure.low, other.low) if other.low == -math.inf else measure.low
+    high = max(measure.high, other.high)
+    if (low, high) == (measure.low, measure.high):
+        return measure
+    reason = f"it may be worse at the edge at {edge:.6g} s ({other.reason}); {measure.reason}"
+    return replace(measure, low=low, high=high, reason=reason)
 
 
 def around(step: StepResponse, value: float, budget: Budget, convention: str) -> Measure:

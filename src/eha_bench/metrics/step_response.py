@@ -125,6 +125,16 @@ class StepResponse:
         return self.initial + self.step
 
     @property
+    def unseen_in_motion(self) -> tuple[tuple[float, float], ...]:
+        """Where samples are lost and the response had not settled before, or not after, s."""
+        return tuple(one for one in self.unseen if any(self._is_away(time) for time in one))
+
+    def _is_away(self, time: float) -> bool:
+        """Whether the response is off its final level at a sample's time."""
+        index = min(int(np.searchsorted(self.time, time - 1e-9)), self.time.size - 1)
+        return bool(abs(float(self.smooth.values[index]) - 1.0) > _AWAY)
+
+    @property
     def exact(self) -> bool:
         """Whether the recording is free of noise, so that samples can be taken at their word."""
         return self.noise.sd <= _EXACT

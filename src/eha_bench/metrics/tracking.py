@@ -182,11 +182,14 @@ def root_mean_square(error: TrackingError) -> Measure:
     clean = max(power - error.noise**2, 0.0)
     spread = math.sqrt((4.0 * clean * error.noise**2 + 2.0 * error.noise**4) / values.size)
     low, high = max(power - 1.96 * spread, 0.0), power + 1.96 * spread
-    unread = sum(stop - start for start, stop in error.lost) / error.period / values.size
-    high += unread * float(np.max(values**2))
+    unread = sum(round((stop - start) / error.period) - 1 for start, stop in error.lost)
+    high = (high * values.size + unread * float(np.max(values**2))) / (values.size + unread)
     value, low, high = (math.sqrt(part) * error.scale for part in (power, low, high))
     slope = values / (max(math.sqrt(power), 1e-300) * values.size)
-    found = Measure(value, low, high, "measured error, sensor noise included")
+    reason = "measured error, sensor noise included"
+    if error.lost:
+        reason += "; errors in lost samples taken as no larger than the largest that was read"
+    found = Measure(value, low, high, reason)
     return with_sensor(found, error.sensor(slope))
 
 

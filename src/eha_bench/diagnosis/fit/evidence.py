@@ -37,6 +37,8 @@ _COUNTED = 0.01
 """Least probability that is read off counted draws."""
 _OUTLYING = 5.0
 """Robust standard deviations of blocks' gains beyond which one is an outlier."""
+_FEW = 0.02
+"""Most blocks, as a share, that may lose more than that and be accidents."""
 _CONCERNED = 0.03
 FURTHEST = 8.0
 """Size of a residual beyond which it counts as one of that size, in the noise."""
@@ -306,7 +308,7 @@ class Improvement:
         share, share_out: both over the excess before on the data fitted; what the fit without a
             cause bends to costs more on runs left out, so share_out may well be above 1.
         p_value: of gain_out <= 0, by resampling blocks: as of a normal sum, or as counted, where
-            that is less and above 0.01, or with outlying blocks held where these speak against it.
+            that is less and above 0.01; or of most blocks' gain, where few lose what these gain.
         runs_better: share of the runs (by count) that gain when left out, of those it changes.
         explained_out: gain_out as a part of the excess before on the same runs left out, at most 1.
     """
@@ -324,7 +326,7 @@ NOT_COMPARED = Improvement(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 """What stands where nothing has been compared yet: no gain."""
 
 
-def _chance(gain: float, sums: FloatArray, seed: int) -> float:
+def _bootstrap_p(gain: float, sums: FloatArray, seed: int) -> float:
     """Return the probability that a gain is none, by resampling what blocks gain of it, (n,)."""
     generator = np.random.default_rng(seed)
     draws = generator.integers(0, sums.size, size=(1000, sums.size))
@@ -335,18 +337,20 @@ def _chance(gain: float, sums: FloatArray, seed: int) -> float:
     return min(float(ndtr(-gain / spread)), counted)
 
 
-def _chance_without_few(gain: float, sums: FloatArray) -> float:
-    """Return the same where a few blocks speak against what nearly all gain; else 1.
+def _winsorised_p(gain: float, sums: FloatArray) -> float:
+    """Return the probability that most blocks gain nothing, where few lose what they gain; else 1.
 
     Where a valve opens, or a rod breaks loose, a little sooner, one block may lose more than a
     hundred others gain, whatever causes it. Gains and losses are winsorised at `_OUTLYING` robust
     standard deviations (Huber, Ronchetti, Robust Statistics, 2nd ed. 2009, section 1.5). Where that
-    takes from the gain, it was made by few blocks: these are counted as they are.
+    takes from the gain, it was made by few blocks: these are counted as they are. Where more than
+    `_FEW` of the blocks lose so much, they are no accidents.
     """
     typical = float(np.median(np.abs(sums))) / 0.6745
     held = np.clip(sums, -_OUTLYING * typical, _OUTLYING * typical)
     more, spread = float(held.sum() - sums.sum()), float(held.std()) * np.sqrt(sums.size)
-    if not (more > 0.0 and gain > 0.0 and spread > 0.0):
+    few = float(np.mean(sums < held)) <= _FEW
+    if not (few and more > 0.0 and gain > 0.0 and spread > 0.0):
         return 1.0
     return float(ndtr(-(gain + more) / spread))
 
@@ -362,7 +366,7 @@ def compare(
     difference = out_before - left_out(after, groups)
     gain_out = float(difference.sum())
     sums = np.array([float(difference[rows].sum()) for rows in groups.blocks])
-    p_value = min(_chance(gain_out, sums, seed), _chance_without_few(gain_out, sums))
+    p_value = min(_bootstrap_p(gain_out, sums, seed), _winsorised_p(gain_out, sums))
     per_run = np.array([float(difference[rows].sum()) for rows in groups.runs])
     # beliefs are of no run: each has its part of what they gain
     per_run += (gain_out - per_run.sum()) / max(per_run.size, 1)

@@ -32,7 +32,7 @@ _SETTLED = 0.02
 _FIRST, _ROUGH = 2, 6
 """Iterations of a fit that chooses starts, and of one that compares those chosen."""
 _CHOSEN = 3
-"""Starts that are compared."""
+"""Starts that are compared, beside where the candidate has ended."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +110,9 @@ def _opened(search: Search, item: Refit, starts: Sequence[Start]) -> _Opened:
         )
         return replace(trial, fit=fit)
 
-    begun = side_by_side(first, [*begin, (item.start, item.fit.vector)])
+    *begun, ended = side_by_side(first, [*begin, (item.start, item.fit.vector)])
     begun.sort(key=lambda trial: trial.fit.cost)
-    best = min(side_by_side(further, begun[:_CHOSEN]), key=lambda end: end.fit.cost)
+    best = min(side_by_side(further, [*begun[:_CHOSEN], ended]), key=lambda end: end.fit.cost)
     for _ in range(_ROUNDS):
         # what is open changes with the sizes that were found
         problem = _prepared(search.problem, best.fit.vector).at_step(COARSE)

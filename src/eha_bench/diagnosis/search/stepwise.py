@@ -23,6 +23,9 @@ MOST_EFFECTS = 4
 _MOST_ADDED = 6
 """Effects, and numbers that may be declared wrongly beside them."""
 _NEARLY = 0.1
+"""Share of what was missing that is left where it is nearly explained."""
+_MOVED = 0.1
+"""Share of what is left by which an exchange lowers it where another look is worth its time."""
 
 
 def run(search: Search, progress: ProgressHook) -> None:
@@ -89,7 +92,7 @@ def _grow(search: Search, progress: ProgressHook) -> None:
 def _is_elsewhere(search: Search, before: Search) -> bool:
     """Whether another look may find what the one before an exchange did not."""
     added, earlier = ([item.start.candidate for item in one.accepted] for one in (search, before))
-    much = search.excess_left.total < (1.0 - _NEARLY) * before.excess_left.total
+    much = search.excess_left.total < (1.0 - _MOVED) * before.excess_left.total
     return much or added != earlier
 
 

@@ -32,7 +32,7 @@ EFFECT = Effect(
         ),
         Parameter(
             "compliance", "{compliance}", 0.0, 0.0, 1e3, "c",
-            "of the teeth; 0: as stiff as a step follows; a declared one acts with any contact",
+            "of the teeth; 0: as stiff as a step follows; one that is declared acts in any case",
             when=("contact", ("elastic",)),
         ),
         choice("contact", ("stiff", "elastic"), "whether the teeth give way", refines=True),
