@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from eha_bench.cli import console
 from eha_bench.cli.run_summary import summary_lines
 from eha_bench.core.note import Note
 from eha_bench.core.result import Result, Status, TrialResult
@@ -151,3 +152,19 @@ def test_a_list_fits_the_terminal_and_is_a_line_each_in_a_pipe(
     assert max(map(len, plain.splitlines())) > 80
     assert max(map(len, shown.splitlines())) <= 80
     assert sorted(shown.split()) == sorted(plain.split())
+
+
+def test_without_a_terminal_progress_is_a_line_every_half_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A diagnosis in CI takes minutes: its log says where it is."""
+    now = [100.0]
+    monkeypatch.setattr(console, "monotonic", lambda: now[0])
+    with console.TerminalProgress() as progress:
+        for seconds in (0.0, 29.0, 31.0, 45.0, 62.0):
+            now[0] = 100.0 + seconds
+            progress(int(seconds), 100, "search")
+    assert capsys.readouterr().err.splitlines() == [
+        "search: 31 of 100 after 31 s",
+        "search: 62 of 100 after 62 s",
+    ]

@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import NoReturn
 
 from eha_bench.core.errors import BUG, EhaBenchError
@@ -20,6 +21,8 @@ _NEAR = 20
 """Letters on either side of one that cannot be written which tell where it is."""
 
 
+_SECONDS_A_LINE = 30.0
+"""Time between two lines of progress where there is no terminal."""
 _MOST = 5
 """Mistakes of one input that are listed before the rest is counted."""
 
@@ -119,11 +122,26 @@ def write_out(out: Path, text: str) -> None:
         write_text(out, text)
 
 
+class _ProgressLines:
+    """A line now and then of where long work is, for a log that is read while it goes on."""
+
+    def __init__(self) -> None:
+        self._began = self._told = monotonic()
+
+    def __call__(self, done: int, total: int, what: str) -> None:
+        """Say that `done` of `total` pieces are done and `what` is next, if it is time."""
+        now = monotonic()
+        if now - self._told >= _SECONDS_A_LINE:
+            self._told = now
+            say(f"{what}: {done} of {total} after {now - self._began:.0f} s")
+
+
 class TerminalProgress:
-    """A progress bar on a terminal; silent without a terminal (CI, a pipe)."""
+    """A progress bar on a terminal; without one (CI, a pipe) a line every half minute."""
 
     def __init__(self) -> None:
         self._bar = None
+        self._lines = _ProgressLines()
         if sys.stderr.isatty() and not os.environ.get("CI"):
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -140,7 +158,9 @@ class TerminalProgress:
 
     def __call__(self, done: int, total: int, what: str) -> None:
         """Show that `done` of `total` pieces are done and `what` is next."""
-        if self._bar is not None:
+        if self._bar is None:
+            self._lines(done, total, what)
+        else:
             self._bar.update(self._task, completed=done, total=total, description=what)
 
     def __enter__(self) -> TerminalProgress:
