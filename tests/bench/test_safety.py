@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import eha_bench
 from eha_bench.bench.safety import breach, unchecked
+from eha_bench.core.limit import Bounds, SafetyLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status
 from eha_bench.core.trial import Trial
@@ -56,6 +58,21 @@ def test_what_cannot_be_held_to_a_limit_is_said(
     made, asked = Recording(TIME, {"pressure_a": TIME, **values}, units), trial(current="<= 5 A")
     assert breach(made, asked) == ""
     assert list(unchecked(made, asked)) == [f"safety limit current <= 5 A not checked: {why}"]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "spelling"), [("torque", "Nm"), ("torque", "m*N"), ("acceleration", "m/s2")]
+)
+def test_another_spelling_of_a_unit_is_held_to_its_limit(quantity: str, spelling: str) -> None:
+    unit = {"torque": "N*m", "acceleration": "m/s^2"}[quantity]
+    limit = SafetyLimit(quantity, Bounds(high=5.0), f"<= 5 {unit}", unit)
+    asked = replace(trial(), safety=(limit,))
+    made = Recording(TIME, {quantity: 0 * TIME + 9.0}, {quantity: spelling})
+    assert breach(made, asked).startswith(f"safety limit {quantity} <= 5 {unit}: 9 ")
+    assert list(unchecked(made, asked)) == []
+    other = Recording(TIME, {quantity: 0 * TIME + 9.0}, {quantity: "kPa"})
+    assert breach(other, asked) == ""
+    assert len(list(unchecked(other, asked))) == 1
 
 
 def test_a_gap_is_no_breach_and_hides_none() -> None:

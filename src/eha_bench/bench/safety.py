@@ -7,13 +7,20 @@ and a recording says no more.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator
 
 import numpy as np
 
+from eha_bench.core.errors import UnitError
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
+from eha_bench.core.units import factor_and_offset
+
+_POWER = re.compile(r"(?<=[^\W\d_])([23])\b")
+"""A power that is written without a sign for it: m/s2."""
 
 
 def breach(recording: Recording, trial: Trial) -> str:
@@ -45,4 +52,17 @@ def _why_unchecked(limit: SafetyLimit, recording: Recording) -> str:
     if name not in recording or np.isnan(recording[name]).all():
         return f"no {name} was recorded"
     recorded, meant = recording.unit(name), limit.si_unit
-    return f"it was recorded in {recorded}" if recorded and meant and recorded != meant else ""
+    if not recorded or not meant or _same_unit(recorded, meant):
+        return ""
+    return f"it was recorded in {recorded}"
+
+
+def _same_unit(recorded: str, meant: str) -> bool:
+    """Whether two texts are one unit, however it is written: Nm and N*m are."""
+    if recorded == meant:
+        return True
+    try:
+        factor, offset = factor_and_offset(_POWER.sub(r"^\1", recorded), meant)
+    except UnitError:
+        return False
+    return math.isclose(factor, 1.0, rel_tol=1e-12) and offset == 0.0
