@@ -32,6 +32,7 @@ from eha_bench.core.errors import InputError, SafetyStop, TargetFault
 from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.metrics import Metric
+from eha_bench.recordings import read
 from eha_bench.targets.target import Identity, Outcome, Target
 
 WAYS = {
@@ -54,6 +55,8 @@ GIVES = {
     "no sample": lambda made: Outcome(made.recording.between(9.0, 9.5)),
     "backwards": lambda made: changed(made, time=made.recording.time[::-1]),
     "too few": lambda made: changed(made, values={"current": made.recording.time[:-2]}),
+    "a lost log": lambda made: read("nowhere/log.csv"),
+    "a log without its channel": lambda made: replace(made.recording, source="log.csv")["torque"],
     "what is missing": lambda made: made.recording["torque"],
 }
 

@@ -155,6 +155,21 @@ def test_wrong_input_stays_wrong_input_and_leaves_no_old_report(
     assert Result.read(out / "result.json").status is not Status.FAILED
 
 
+@pytest.mark.parametrize(
+    ("gives", "said"),
+    [
+        ("a lost log", "log.csv: "),
+        ("a log without its channel", "log.csv: no channel 'torque' in the recording"),
+    ],
+)
+def test_a_log_that_a_target_cannot_replay_is_wrong_input(
+    suite: Path, echo: Echo, tmp_path: Path, gives: str, said: str
+) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        eha_bench.run(suite, echo(gives=gives), tmp_path / "out")
+    assert refused.value.exit_status == 2
+
+
 @pytest.mark.parametrize("where", ["check", "enter", "second"])
 def test_a_run_goes_on_after_a_fault(suite: Path, echo: Echo, tmp_path: Path, where: str) -> None:
     out = tmp_path / "out"

@@ -24,13 +24,15 @@ def checked_run(target: Target, trial: Trial, repeat: int, stopping: Stopping) -
     Raises:
         TargetFault: the target faulted or crashed, its recording is none, or what it returned is
             no outcome.
-        EhaBenchError: the input was wrong after all.
+        EhaBenchError: the input was wrong after all, as a log is that a target replays.
     """
     with crashes_as_faults():
         name = target.identity.name
         try:
             outcome = target.run(trial, repeat, stopping)
         except (RecordingError, MissingChannelError) as error:
+            if error.where.file:
+                raise  # a file that was read, and no recording that the target made
             raise TargetFault(
                 f"the recording of target '{name}' is refused ({error_text(error)})",
                 hint="" if error.hint else _RECORD,
