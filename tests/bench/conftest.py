@@ -52,6 +52,7 @@ GIVES = {
     "a list": lambda made: Outcome([1.0]),
     "a word": lambda made: replace(made, ending="complete"),
     "a number": lambda made: changed(made, metadata={"signal_start": 0.0}),
+    "a number named as a channel": lambda made: changed(made, metadata={"current": 5}),
     "no sample": lambda made: Outcome(made.recording.between(9.0, 9.5)),
     "backwards": lambda made: changed(made, time=made.recording.time[::-1]),
     "too few": lambda made: changed(made, values={"current": made.recording.time[:-2]}),

@@ -79,6 +79,7 @@ def test_what_would_leave_with_another_status_is_a_fault(
         ("a list", "returned a list as its recording, at "),
         ("a word", "returned 'complete' as how it ended, at "),
         ("a number", "returned 0.0 for 'signal_start', which is no text, at "),
+        ("a number named as a channel", "returned 5 for 'current', which is no text, at "),
         ("no sample", "recorded no sample of a run that it calls complete, at "),
         ("backwards", "time does not increase, at "),
         ("too few", "channel 'current' has 18 samples where time has 20, at "),

@@ -5,6 +5,8 @@ By then the machine has moved: it may cost its own trial, and no report of the o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import chain
 from typing import Any
 
 from eha_bench.core.error_text import error_text, place_of, shown
@@ -54,8 +56,10 @@ def _mistake(outcome: Any) -> tuple[str, str]:
     if not isinstance(ending, Ending):
         known = ", ".join(f"Ending.{item.name}" for item in Ending)
         return f"returned {shown(ending)} as how it ended", f"known: {known}"
-    texts: dict[Any, Any] = {"reason": outcome.reason, **recording.metadata, **recording.units}
-    for key, text in texts.items():
+    texts: tuple[Mapping[Any, Any], ...] = (
+        {"reason": outcome.reason}, recording.metadata, recording.units,
+    )  # fmt: skip
+    for key, text in chain.from_iterable(each.items() for each in texts):
         if not isinstance(key, str) or not isinstance(text, str):
             what = f"{shown(text)} for '{key}'"
             return f"returned {what}, which is no text", "reason, metadata and units are text"
