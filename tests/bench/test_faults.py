@@ -117,16 +117,35 @@ def test_a_metric_that_cannot_be_loaded_is_told_before_anything_runs(
     assert eha_bench.run(suite, echo(), out).status is Status.PASSED
 
 
+@pytest.mark.parametrize(
+    ("kind", "other"),
+    [
+        ("metrics", "rise_time"),
+        ("effects", "relief_valve"),
+        ("plants", "eha_knee"),
+        ("elements", "cylinder"),
+        ("targets", "simulator"),
+        ("signals", "step"),
+    ],
+)
 def test_a_broken_plug_in_hides_no_other_one_of_a_list(
-    echo: Echo, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    echo: Echo,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    kind: str,
+    other: str,
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["eha-bench", "list", "metrics"])
+    points = f"[eha_bench.{kind}]\nabsent = echo_target_absent:Absent\nwrong = json:__name__\n"
+    (tmp_path / "site/echo_target-1.0.dist-info/entry_points.txt").write_text(points)
+    monkeypatch.setattr(sys, "argv", ["eha-bench", "list", kind])
     with pytest.raises(SystemExit) as left:
         main()
     listed = capsys.readouterr().out
     assert not left.value.code, listed
-    assert re.search(r"\nabsent +broken +metric 'absent' cannot be loaded \(ModuleNotFound", listed)
-    assert "\nrise_time " in listed
+    broken = rf"absent +broken +{kind[:-1]} 'absent' cannot be loaded \(ModuleNotFound"
+    assert re.search(broken, listed)
+    assert re.search(rf"^{other} ", listed, re.MULTILINE)
 
 
 def test_a_safety_stop_keeps_its_name(suite: Path, echo: Echo, tmp_path: Path) -> None:

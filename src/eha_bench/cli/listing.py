@@ -19,21 +19,26 @@ Row = tuple[str, str, str]
 
 def _or_broken(name: str, row: Callable[[str], Row]) -> Row:
     """Return the row of a plug-in, or that it is broken: it may hide none of the others."""
-    from eha_bench.core.errors import PluginError
+    from eha_bench.core.error_text import error_text
+    from eha_bench.core.errors import EhaBenchError
 
     try:
         return row(name)
-    except PluginError as error:
+    except EhaBenchError as error:
         return name, "broken", str(error)
+    except Exception as error:  # what was loaded is not of the kind that it is registered as
+        return name, "broken", error_text(error)
 
 
 def _suites() -> Iterator[Row]:
     from eha_bench.core.shipped import names
     from eha_bench.suites import load_suite
 
-    for name in names("suites"):
+    def row(name: str) -> Row:
         suite = load_suite(name)
-        yield name, f"{len(suite.trials)} trials", _sentence(suite.description)
+        return name, f"{len(suite.trials)} trials", _sentence(suite.description)
+
+    yield from (_or_broken(name, row) for name in names("suites"))
 
 
 def _metrics() -> Iterator[Row]:
@@ -65,21 +70,29 @@ def _plants() -> Iterator[Row]:
     from eha_bench.core.shipped import names, shipped_file
     from eha_bench.plants.registry import get_plant
 
-    for name in names("plants"):
+    def shipped(name: str) -> Row:
         plant = get_plant(name)
         lines = shipped_file(f"plants/{name}.yaml").read_text(encoding="utf-8").splitlines()
         about = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
-        yield name, ", ".join(plant.inputs), _sentence(about)
-    for name in plugins.names("plants"):
+        return name, ", ".join(plant.inputs), _sentence(about)
+
+    def installed(name: str) -> Row:
         kind = plugins.load("plants", name)
-        yield name, ", ".join(kind.inputs), _sentence(kind.__doc__ or "")
+        return name, ", ".join(kind.inputs), _sentence(kind.__doc__ or "")
+
+    yield from (_or_broken(name, shipped) for name in names("plants"))
+    yield from (_or_broken(name, installed) for name in plugins.names("plants"))
 
 
 def _elements() -> Iterator[Row]:
-    from eha_bench.plants.network.network import element_kinds
+    from eha_bench.core import plugins
+    from eha_bench.plants.network.network import element_kind
 
-    for name, kind in element_kinds().items():
-        yield name, ", ".join(port.name for port in kind.ports), _sentence(kind.summary)
+    def row(name: str) -> Row:
+        kind = element_kind(name)
+        return name, ", ".join(port.name for port in kind.ports), _sentence(kind.summary)
+
+    yield from (_or_broken(name, row) for name in plugins.names("elements"))
 
 
 def _targets() -> Iterator[Row]:

@@ -119,11 +119,17 @@ def element_kinds() -> Mapping[str, ElementKind]:
     Raises:
         PluginError: one of them is not an ElementKind.
     """
-    found = {}
-    for name in plugins.names("elements"):
-        kind = plugins.load("elements", name)
-        if not isinstance(kind, ElementKind):
-            raise PluginError(f"element '{name}' is not an ElementKind but {type(kind).__name__}")
-        plugins.check_id("element", name, kind.id)
-        found[kind.id] = kind
-    return found
+    return {name: element_kind(name) for name in plugins.names("elements")}
+
+
+def element_kind(name: str) -> ElementKind:
+    """Return the registered kind of elements of that id.
+
+    Raises:
+        PluginError: it cannot be loaded, or is not an ElementKind of that id.
+    """
+    kind = plugins.load("elements", name)
+    if not isinstance(kind, ElementKind):
+        raise PluginError(f"element '{name}' is not an ElementKind but {type(kind).__name__}")
+    plugins.check_id("element", name, kind.id)
+    return kind
