@@ -4,12 +4,14 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import eha_bench
 from eha_bench.bench.safety import breach, unchecked
+from eha_bench.comparison.side import load_side
 from eha_bench.core.limit import Bounds, SafetyLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status
@@ -111,7 +113,44 @@ def test_a_log_beyond_a_limit_is_scored_and_does_not_pass(
     first, second = Result.read(tmp_path / "scored/result.json").trials
     assert first.status is Status.PASSED
     assert (second.status, second.reason) == (
-        Status.FAULT, "safety limit current <= 2.5 A: 3 A at 0.005 s",
+        Status.FAILED, "safety limit current <= 2.5 A: 3 A at 0.005 s",
     )  # fmt: skip
     assert [item.limit for item in second.scores if item.limit] == ["<= 3 A"]
-    assert json.loads((tmp_path / "scored/result.json").read_text())["status"] == "fault"
+    assert json.loads((tmp_path / "scored/result.json").read_text())["status"] == "failed"
+    for name in ("junit.xml", "summary.md", "report.html"):
+        assert "3 A at 0.005 s" in (tmp_path / "scored" / name).read_text(), name
+    failures = ElementTree.parse(tmp_path / "scored/junit.xml").getroot().findall(".//failure")
+    assert [failure.get("message") for failure in failures] == [second.reason]
+    assert "1 run beyond a safety limit" in (tmp_path / "scored/report.html").read_text().lower()
+
+
+def test_a_log_beyond_a_limit_still_counts_in_repeats_and_comparisons(
+    suite: Path, echo: Echo, tmp_path: Path
+) -> None:
+    limit = "accept: {tracking_max: {channel: current, max: 3 A, repeats: worst}}"
+    text = suite.read_text().split("  - id: second")[0]
+    text = text.split("    accept:")[0] + f"    repeats: 2\n    {limit}\n"
+    suite.write_text(text)
+    done = eha_bench.run(suite, echo(), tmp_path / "out")
+    made = [tmp_path / "out" / item.recording for item in done.trials]
+    suite.write_text(text + "    safety: {current: <= 1.5 A}\n")
+    found = eha_bench.score_files(made, suite, out=tmp_path / "scored")
+    assert [item.status for item in found.trials] == [Status.FAILED, Status.FAILED]
+    assert [(item.metric, item.status) for item in found.failed] == [("", "failed")] * 2
+    assert found.repeats
+    assert all(run.usable for run in load_side(tmp_path / "scored").runs["first"])
+
+
+def test_an_interrupted_run_beyond_a_limit_is_a_fault(
+    suite: Path, echo: Echo, tmp_path: Path
+) -> None:
+    done = eha_bench.run(suite, echo(), tmp_path / "out")
+    made = eha_bench.read(tmp_path / "out" / done.trials[0].recording)
+    said = {"ending": "interrupted", "ending_reason": "by hand"}
+    eha_bench.write(tmp_path / "first.mcap", replace(made, metadata={**made.metadata, **said}))
+    suite.write_text(
+        suite.read_text().replace("accept: {", "safety: {current: <= 1.5 A}\n    accept: {", 1)
+    )
+    found = eha_bench.score_files([tmp_path / "first.mcap"], suite, out=tmp_path / "scored")
+    assert found.status is Status.FAULT
+    assert found.trials[0].reason.startswith("safety limit current <= 1.5 A: 2 A")

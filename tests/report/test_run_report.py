@@ -77,7 +77,7 @@ def test_summary_comes_first_worst_first(page_file: Path) -> None:
     text = page_file.read_text(encoding="utf-8")
     order = [
         text.index(">Fault<"),
-        text.index("Stopped or unfinished"),
+        text.index("Stopped, unfinished or unsafe"),
         text.index(">Limits not kept, worst first"),
         text.index("2.58\u00a0ms"),
         text.index("0.072\u00a0A"),

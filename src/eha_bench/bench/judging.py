@@ -39,7 +39,8 @@ Scorer = Callable[[Recording, Trial], tuple[Score, ...]]
 def judge(recording: Recording, trial: Trial, repeat: int, scorer: Scorer = score) -> TrialResult:
     """Return a trial's scores and status; the recording's place is filled in by the caller.
 
-    A recording that was beyond a safety limit is that of a fault, as of a run that was stopped.
+    A recording that was beyond a safety limit fails, and the reason says so; its scores stand, as
+    the run came to its end.
     """
     scores = scorer(recording, trial)
     unhealthy = recording.metadata.get("loop_unhealthy", "")
@@ -49,11 +50,13 @@ def judge(recording: Recording, trial: Trial, repeat: int, scorer: Scorer = scor
         scores = tuple(_withheld(item, reason) for item in scores)
     status = Status.INCOMPLETE if unhealthy else _status(scores)
     unsafe = breach(recording, trial)
+    if unsafe:
+        status = Status.FAULT if unhealthy else Status.FAILED
     notes = (*recording.notes, *_ends_early(recording, trial), *unchecked(recording, trial))
     return TrialResult(
         id=trial.id,
         repeat=repeat,
-        status=Status.FAULT if unsafe else status,
+        status=status,
         recording="",
         sha256="",
         scores=scores,
@@ -97,7 +100,8 @@ def judge_together(
     scored = [place for place, item in enumerate(results) if item.status in ended]
     judged = judge_repeats([results[place].scores for place in scored], limits)
     for place, scores in zip(scored, judged, strict=True):
-        together[place] = replace(results[place], scores=scores, status=_status(scores))
+        status = Status.FAILED if _was_unsafe(results[place]) else _status(scores)
+        together[place] = replace(results[place], scores=scores, status=status)
     return together
 
 
@@ -207,13 +211,19 @@ def score_recordings(
 def _ended(recording: Recording, judged: TrialResult) -> tuple[Status, str]:
     """Return the status of a scored recording and why: as the run of it ended, or as judged.
 
-    A fault is one even where the run was interrupted later.
+    What was beyond a safety limit is a fault where the run was interrupted later.
     """
     unfinished = _unfinished_status(recording)
-    if judged.status is Status.FAULT and unfinished is not Status.FAULT:
+    if unfinished is None:
         return judged.status, judged.reason
-    reason = recording.metadata.get("ending_reason", "") or judged.reason
-    return unfinished or judged.status, reason
+    if _was_unsafe(judged) and unfinished is not Status.FAULT:
+        return Status.FAULT, judged.reason
+    return unfinished, recording.metadata.get("ending_reason", "") or judged.reason
+
+
+def _was_unsafe(judged: TrialResult) -> bool:
+    """Whether a recording was beyond a safety limit: no score gives its trial a reason."""
+    return bool(judged.reason) and judged.status in (Status.FAILED, Status.FAULT)
 
 
 def _unfinished_status(recording: Recording) -> Status | None:

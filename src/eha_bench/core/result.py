@@ -52,7 +52,8 @@ class TrialResult:
     """One run of one trial: its recording and its scores.
 
     `definition` is a digest of what was run (signal, setup, rate), without how it was judged: two
-    results of the same definition can be compared.
+    results of the same definition can be compared. `reason` says why it was stopped or not scored,
+    or which safety limit a recording that came to its end was beyond.
     """
 
     id: str
@@ -67,7 +68,7 @@ class TrialResult:
 
 
 class MissedLimit(NamedTuple):
-    """A limit that was not kept, or (without a metric) a run that was stopped; values are SI."""
+    """A limit that was not kept, or (without a metric) why a run did not pass; values are SI."""
 
     trial: str
     repeat: int
@@ -111,7 +112,7 @@ class Result:
                 )
                 for item in missed
             ]  # fmt: skip
-            if run.status in (Status.FAULT, Status.INCOMPLETE) and not missed:
+            if run.status is not Status.PASSED and not missed:
                 found.append(
                     MissedLimit(
                         run.id, run.repeat, "", run.status.value, math.nan, "", "", run.reason

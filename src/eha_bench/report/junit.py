@@ -40,7 +40,8 @@ def junit(result: Result) -> str:
             if score.limit:
                 _limit_case(suite, result, run, score)
         stopped = run.status in (Status.FAULT, Status.INCOMPLETE)
-        if len(suite) == 0 or (stopped and suite.find("testcase/error") is None):
+        unsafe = run.status is Status.FAILED and bool(run.reason)
+        if len(suite) == 0 or unsafe or (stopped and suite.find("testcase/error") is None):
             _run_case(suite, result, run)
         counted = {
             "tests": len(suite.findall("testcase")),

@@ -136,7 +136,7 @@ def write_report(
             view
             for trial in views
             for view in (trial.first, *trial.others)
-            if view.status in (Status.FAULT, Status.INCOMPLETE)
+            if view.status in (Status.FAULT, Status.INCOMPLETE) or view.reason
         ],
         "missed": worst_first(limits),
         "closest": closest(limits) if result.status is Status.PASSED else None,
@@ -162,6 +162,9 @@ def headline(result: Result) -> str:
     faults = sum(run.status is Status.FAULT for run in result.trials)
     if faults:
         parts.append(f"{_count(faults, 'run')} stopped by a fault or a safety limit")
+    unsafe = sum(run.status is Status.FAILED and bool(run.reason) for run in result.trials)
+    if unsafe:
+        parts.append(f"{_count(unsafe, 'run')} beyond a safety limit")
     if result.not_run:
         parts.append(f"{_count(len(result.not_run), 'run')} not made")
     unfinished = sum(run.status is Status.INCOMPLETE for run in result.trials)
