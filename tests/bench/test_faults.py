@@ -113,6 +113,13 @@ def test_a_metric_that_cannot_be_loaded_is_told_before_anything_runs(
     with pytest.raises(PluginError, match=said):
         eha_bench.run(suite, echo(), out)
     assert not out.exists()
+    over = tmp_path / "over.yaml"
+    over.write_text("vary: {torque_constant: [0.1 N*m/A, 0.2 N*m/A]}\n")
+    with pytest.raises(PluginError, match=said):
+        eha_bench.score_files([tmp_path / "nowhere.mcap"], suite, out=out)
+    with pytest.raises(PluginError, match=said):
+        eha_bench.sweep(suite, over, out=out)
+    assert not out.exists()
     suite.write_text(text)  # one that does not ask for it is run
     assert eha_bench.run(suite, echo(), out).status is Status.PASSED
 

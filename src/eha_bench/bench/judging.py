@@ -21,7 +21,7 @@ from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.metrics import accepted, judge_repeats, score
 from eha_bench.metrics.repeats_summary import summaries
-from eha_bench.metrics.scoring import check_reference
+from eha_bench.metrics.scoring import check_reference, load_metrics
 from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
 from eha_bench.suites.trial_source import definition_of
@@ -145,8 +145,11 @@ def score_recordings(
         The result, and for each (trial id, repeat) the trial it was scored by.
 
     Raises:
-        EhaBenchError: a recording cannot be read, or belongs to no trial.
+        EhaBenchError: a recording cannot be read, or belongs to no trial; a metric of the suite
+            cannot be loaded.
     """
+    if suite is not None:
+        load_metrics(one for one in suite.trials if trial in (None, one.id))
     done: list[TrialResult] = []
     used: dict[tuple[str, int], Trial] = {}
     digests: dict[str, set[str]] = {key: set() for key in NO_DIGESTS}
