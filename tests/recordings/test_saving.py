@@ -1,5 +1,6 @@
 """`eb.write` writes what the name of the file says."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -40,3 +41,37 @@ def test_what_was_read_is_not_written_over(tmp_path: Path, name: str) -> None:
     assert path.read_bytes() == before
     with pytest.raises(InputError, match="is read here"):
         eb.recordings.export(tmp_path / "b.csv", eb.read(eb.write(tmp_path / "b.csv", RECORDING)))
+
+
+@pytest.mark.parametrize("write", [eb.write, eb.recordings.export])
+def test_what_was_read_is_known_from_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[..., Path]
+) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        write(tmp_path / name / "run.csv", RECORDING)
+    monkeypatch.chdir(tmp_path / "one")
+    read = eb.read("run.csv")
+    assert read.source == "run.csv"
+    # another file of that name is not the one that was read
+    monkeypatch.chdir(tmp_path / "two")
+    write("run.csv", read.between(0.01, 0.02))
+    assert len(eb.read("run.csv")) == 10
+    # and that one is under any name
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="is read here"):
+        write("one/run.csv", read.between(0.01, 0.02))
+    assert len(eb.read("one/run.csv")) == 100
+
+
+def test_an_mcap_that_was_read_is_known_from_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "one").mkdir()
+    eb.write(tmp_path / "one" / "run.mcap", RECORDING)
+    monkeypatch.chdir(tmp_path / "one")
+    read = eb.read("run.mcap")
+    monkeypatch.chdir(tmp_path)
+    eb.write("run.mcap", read)
+    with pytest.raises(InputError, match="is read here"):
+        eb.write("one/run.mcap", read)

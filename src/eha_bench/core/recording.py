@@ -61,6 +61,7 @@ class Recording:
         notes: what the reader did or found (resampling, gaps, a torn end), one sentence each.
         source: the file it came from, for messages.
         damaged: names of attachments that the file holds, but damaged; they are left out.
+        origin: where that file is, from the root, as a program may change its folder later.
     """
 
     time: FloatArray
@@ -72,6 +73,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     source: str = ""
     damaged: tuple[str, ...] = ()
+    origin: str = ""
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check that they share one increasing clock."""

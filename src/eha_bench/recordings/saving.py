@@ -35,7 +35,7 @@ def write(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
             f"'{target.name}' does not say a format to write",
             hint=f"end it in {', '.join(known)} ({suggest(suffix or MCAP, known)})",
         )
-    spare_inputs((target,), (recording.source or None,), "name another file")
+    spare_inputs((target,), (recording.origin or recording.source or None,), "name another file")
     if suffix == MCAP:
         return write_mcap(target, recording, level=level)
     return export(target, recording)
