@@ -24,10 +24,18 @@ def test_the_ending_is_the_format(tmp_path: Path, name: str, format_: str) -> No
     assert np.array_equal(back.time, RECORDING.time)
 
 
-@pytest.mark.parametrize("name", ["a.json", "a", "a.mcap.gz"])
-def test_other_endings_are_refused_with_those_that_are_known(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["a", "run.2024-01-01", "a.mcap.part", "a.csv.mcap"])
+def test_a_name_that_says_no_other_format_is_an_mcap(tmp_path: Path, name: str) -> None:
+    path = eb.write(tmp_path / name, RECORDING)
+    assert path == tmp_path / name
+    assert eb.recordings.info(path).format == "mcap"
+    assert np.array_equal(eb.read(path)["current"], RECORDING["current"])
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.MAT", "a.db3", "a.mcap.gz"])
+def test_formats_that_are_only_read_are_refused(tmp_path: Path, name: str) -> None:
     known = r"end it in \.mcap, \.csv, \.parquet, \.mf4"
-    with pytest.raises(InputError, match=rf"'{name}' does not say a format to write; {known}"):
+    with pytest.raises(InputError, match=rf"'{name}' names a format that is not written; {known}"):
         eb.write(tmp_path / name, RECORDING)
     assert list(tmp_path.iterdir()) == []
 
