@@ -98,6 +98,29 @@ def test_readings_beyond_all_sensors_are_refused_without_a_page_of_warnings(
     assert not [item for item in recwarn if issubclass(item.category, RuntimeWarning)]
 
 
+def test_single_readings_beyond_all_sensors_are_marks_of_invalid_samples(
+    cli, tmp_path, recwarn
+) -> None:
+    write_dataset(tmp_path)
+    log = tmp_path / "one.csv"
+    head, *rows = log.read_text().splitlines()
+    for k, mark in ((50, "1.79e308"), (51, "-1.79e308"), (120, "1.79e303")):
+        rows[k] = f"{rows[k].rpartition(',')[0]},{mark}"
+    # in bar: the largest numbers are infinite in Pa, which is missing without a word of this
+    log.write_text("\n".join((head, *rows)))
+    done = cli("predict", "dataset.yaml", "--out", "out", check=0)
+    said = "readings of 'pressure_a' beyond all sensors (1.79e+308 Pa), taken as missing: 1"
+    assert f"one: {said}" in done.stderr
+    channels = tmp_path / "channels.yaml"
+    channels.write_text(CHANNELS.replace("bar", "Pa"))
+    done = cli("predict", "dataset.yaml", "--out", "out", "--json", check=0)
+    said = "readings of 'pressure_a' beyond all sensors (1.79e+308 Pa), taken as missing: 3"
+    assert f"one: {said}" in done.stderr
+    error = json.loads(done.stdout)["runs"][0]["error"]["pressure_a"]
+    assert 0.0 < error["rms"] < 1e9
+    assert not [item for item in recwarn if issubclass(item.category, RuntimeWarning)]
+
+
 def test_no_input_is_said_as_none(cli, tmp_path) -> None:
     write_dataset(tmp_path)
     path = tmp_path / "dataset.yaml"

@@ -22,6 +22,7 @@ from eha_bench.core.shipped import by_name
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import ErrorAt, Real, StrictModel
+from eha_bench.diagnosis.data.beyond_sensors import without_marks
 from eha_bench.diagnosis.data.channel_units import check_units
 from eha_bench.diagnosis.data.rod_position import with_rod_positions
 from eha_bench.plants.layout import Layout
@@ -452,7 +453,7 @@ def _reader(
         # imported here: reading formats pulls in large libraries that a schema check needs not
         from eha_bench.recordings import read as read_recording
 
-        recording = read_recording(part.log, channels=part.channel_map())
+        recording = without_marks(read_recording(part.log, channels=part.channel_map()))
         if computed:
             recording = with_computed(recording, computed, where)
         (recording,) = with_rod_positions((recording,), part.model)
@@ -465,7 +466,8 @@ def _topics_reader(part: _LogPart, fewest: int) -> Callable[[], tuple[Recording,
     def read() -> tuple[Recording, ...]:
         from eha_bench.recordings import read_topics
 
-        topics = with_rod_positions(read_topics(part.log, channels=part.channel_map()), part.model)
+        read = map(without_marks, read_topics(part.log, channels=part.channel_map()))
+        topics = with_rod_positions(tuple(read), part.model)
         if len(topics) == 1:
             return (_comparable(_window_of(topics[0], part), topics[0], part, fewest),)
         first = min(float(item.time[0]) for item in topics if len(item))

@@ -16,6 +16,7 @@ from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.note import Note, of_run
 from eha_bench.core.recording import Recording
 from eha_bench.core.slow_channel import readings_of
+from eha_bench.diagnosis.data.beyond_sensors import refuse_beyond_sensors
 from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.lost_inputs import LostValues, guess_lost
@@ -33,8 +34,6 @@ from eha_bench.plants.channel_roles import ChannelRoles
 
 _LONG_GAP = 0.05
 """Gap in time behind which windows always begin anew, s."""
-_BEYOND_SENSORS = 1e100
-"""SI; the square of what is larger than its square would be infinite."""
 _FEWEST, _MOSTLY = 25, 0.5
 """Shorter gaps do not cut windows where stretches of fewer samples than that from one to the next
 make up so large a share of a run."""
@@ -66,13 +65,13 @@ def admit(
 
     Raises:
         MissingChannelError: an input is not in the recording.
-        RecordingError: an input is nowhere finite, no output can be compared, or a reading is
-            beyond all sensors.
+        RecordingError: an input is nowhere finite, no output can be compared, or one holds
+            readings beyond all sensors and hardly any other.
     """
     where = Place(file=str(run.log))
     sampled = recording if isinstance(recording, Sampled) else Sampled(recording)
     recording, apart = sampled.recording, sampled.is_of_several
-    _refuse_beyond_sensors(recording, (*inputs, *outputs), where)
+    refuse_beyond_sensors(recording, (*inputs, *outputs), where)
     time = np.array(recording.time - recording.time[0])
     notes = [of_run(run.name, note) for note in recording.notes]
     regular = None
@@ -169,26 +168,6 @@ def admit(
         unsure={name: item for name, item in driven.unsure.items() if item.ticks.size},
         apart=apart,
     )
-
-
-def _refuse_beyond_sensors(recording: Recording, names: Iterable[str], where: Place) -> None:
-    """Refuse readings of a size that no sensor has, whose squares are no numbers any more.
-
-    Raises:
-        RecordingError: a channel has one.
-    """
-    for name in names:
-        if name not in recording:
-            continue
-        size = np.abs(recording[name])
-        most = int(np.argmax(np.where(np.isfinite(size), size, 0.0))) if size.size else 0
-        if size.size and np.isfinite(size[most]) and size[most] > _BEYOND_SENSORS:
-            read = f"{recording[name][most]:.3g} {recording.unit(name)}".rstrip()
-            raise RecordingError(
-                f"'{name}' reads {read}, as no sensor does",
-                where=where._replace(time=float(recording.time[most])),
-                hint="check its column, unit and scale in channels.yaml",
-            )
 
 
 def _nothing_compared(
