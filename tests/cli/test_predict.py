@@ -6,6 +6,12 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+from eha_bench import recordings
+from eha_bench.core.errors import RecordingError
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import load_dataset
 
 CHANNELS = """\
 time: {column: t, unit: s}
@@ -81,6 +87,38 @@ def test_a_window_by_the_stamps_of_the_log_is_said_from_its_first_sample(cli, tm
     # and where no reading of it leaves anything
     path.write_text(whole.replace("one.csv,", "one.csv, from: 3 s,"))
     assert f"{way}, and the log lasts 0.199 s" in cli(*predict, check=2).stderr
+
+
+def test_stamps_since_1970_are_said_with_all_their_digits(cli, tmp_path) -> None:
+    write_dataset(tmp_path)
+    log = tmp_path / "one.csv"
+    head, *rows = log.read_text().splitlines()
+    first = 1_718_060_000
+    late = (
+        f"{first + k // 1000}.{k % 1000:03d},{row.partition(',')[2]}" for k, row in enumerate(rows)
+    )
+    log.write_text("\n".join((head, *late)))
+    path = tmp_path / "dataset.yaml"
+    window = f"from: {first}.05 s, to: {first}.15 s"
+    path.write_text(path.read_text().replace("one.csv,", f"one.csv, {window},"))
+    done = cli("predict", "dataset.yaml", "--out", "out", check=2)
+    assert f"only 0 samples from {first}.05 s to {first}.15 s" in done.stderr
+    assert f"is stamped {first} s: give from: 0.05 s, to: 0.15 s" in done.stderr
+
+
+def test_a_window_of_topics_is_said_from_the_earliest_of_them(
+    cli, tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_dataset(tmp_path)
+    path = tmp_path / "dataset.yaml"
+    path.write_text(path.read_text().replace("one.csv,", "one.csv, from: 5.5 s, to: 5.6 s,"))
+    early = Recording(np.array([5.0, 5.2, 6.5]), {"current_command": np.zeros(3)})
+    long = Recording(5.25 + np.arange(10) / 1e2, {"pressure_a": np.ones(10)})
+    monkeypatch.setattr(recordings, "read_topics", lambda *_, **__: (early, long))
+    by_topic = load_dataset(path).training[0].by_topic
+    assert by_topic is not None
+    with pytest.raises(RecordingError, match=r"is stamped 5 s: give from: 0\.5 s, to: 0\.6 s"):
+        by_topic()
 
 
 def test_readings_beyond_all_sensors_are_refused_without_a_page_of_warnings(

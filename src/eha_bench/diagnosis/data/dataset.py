@@ -457,7 +457,7 @@ def _reader(
         if computed:
             recording = with_computed(recording, computed, where)
         (recording,) = with_rod_positions((recording,), part.model)
-        return _comparable(_window_of(recording, part), recording, part, fewest)
+        return _comparable(_window_of(recording, part), (recording,), part, fewest)
 
     return read
 
@@ -469,17 +469,19 @@ def _topics_reader(part: _LogPart, fewest: int) -> Callable[[], tuple[Recording,
         read = map(without_marks, read_topics(part.log, channels=part.channel_map()))
         topics = with_rod_positions(tuple(read), part.model)
         if len(topics) == 1:
-            return (_comparable(_window_of(topics[0], part), topics[0], part, fewest),)
+            return (_comparable(_window_of(topics[0], part), topics, part, fewest),)
         first = min(float(item.time[0]) for item in topics if len(item))
         cut = tuple(_window_of(item, part, first) for item in topics)
-        _comparable(max(cut, key=len), max(topics, key=len), part, fewest)
+        _comparable(max(cut, key=len), topics, part, fewest)
         return cut
 
     return read
 
 
-def _comparable(recording: Recording, log: Recording, part: _LogPart, fewest: int) -> Recording:
-    """Return a recording, the part of a log, that a model can be compared with.
+def _comparable(
+    recording: Recording, topics: Sequence[Recording], part: _LogPart, fewest: int
+) -> Recording:
+    """Return a recording, the part of a log of some topics, that a model can be compared with.
 
     Raises:
         RecordingError: it has too few samples, or is longer than a day.
@@ -488,7 +490,7 @@ def _comparable(recording: Recording, log: Recording, part: _LogPart, fewest: in
         raise RecordingError(
             f"only {len(recording)} samples{_window(part)}, too few to compare a model with",
             where=Place(file=str(part.log)),
-            hint=_way_to_window(log, part) if _window(part) else "",
+            hint=_way_to_window(topics, part) if _window(part) else "",
         )
     length = float(recording.time[-1] - recording.time[0])
     if fewest > 1 and length > _LONGEST:
@@ -500,20 +502,26 @@ def _comparable(recording: Recording, log: Recording, part: _LogPart, fewest: in
     return recording
 
 
-def _way_to_window(log: Recording, part: _LogPart) -> str:
+def _way_to_window(topics: Sequence[Recording], part: _LogPart) -> str:
     """Say how a window is given; where the log's own time stamps were meant, which it would be."""
     way = "'from' and 'to' count from the log's first sample"
-    if not len(log):
+    times = [item.time for item in topics if len(item)]
+    if not times:
         return way
-    own = float(log.time[0])
-    length = float(log.time[-1]) - own
-    for zero in (own, own + log.epoch_ns / 1e9):
+    own = min(float(time[0]) for time in times)
+    length = max(float(time[-1]) for time in times) - own
+    for zero in (own, own + topics[0].epoch_ns / 1e9):
         start = part.start - zero
         if zero > 0.0 and 0.0 <= start < length:
-            keys = f"from: {start:.6g} s"
-            keys += f", to: {part.stop - zero:.6g} s" if part.stop is not None else ""
-            return f"{way}, which is stamped {zero:.6g} s: give {keys}"
-    return f"{way}, and the log lasts {length:.6g} s"
+            keys = f"from: {_instant(start)}"
+            keys += f", to: {_instant(part.stop - zero)}" if part.stop is not None else ""
+            return f"{way}, which is stamped {_instant(zero)}: give {keys}"
+    return f"{way}, and the log lasts {_instant(length)}"
+
+
+def _instant(time: float) -> str:
+    """Write a time to the microsecond, as a stamp that counts from 1970 has many digits."""
+    return f"{time:.6f}".rstrip("0").rstrip(".") + " s"
 
 
 def _window_of(recording: Recording, part: _LogPart, first: float | None = None) -> Recording:
@@ -528,5 +536,5 @@ def _window_of(recording: Recording, part: _LogPart, first: float | None = None)
 def _window(part: _LogPart) -> str:
     """Say which window was asked for, where it is not all of the log."""
     if part.stop is not None:
-        return f" from {part.start:g} s to {part.stop:g} s"
-    return f" from {part.start:g} s on" if part.start else ""
+        return f" from {_instant(part.start)} to {_instant(part.stop)}"
+    return f" from {_instant(part.start)} on" if part.start else ""
