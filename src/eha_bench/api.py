@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from eha_bench.bench.folder import REPORTS
+from eha_bench.bench.folder import REPORTS, RESULT
 from eha_bench.bench.judging import RECORDINGS, score_recordings
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.store import SuiteFolder
@@ -48,6 +48,7 @@ from eha_bench.sweeps.case import case_of
 from eha_bench.sweeps.conditions import ANY, conditions_of
 from eha_bench.sweeps.probability import SUMMARY, Probability, judged_only
 from eha_bench.sweeps.probability import probability as passing
+from eha_bench.sweeps.sweep import WRITTEN as SWEEP_FILES
 from eha_bench.sweeps.sweep import SweepResult, prepared_sweep, run_sweep
 from eha_bench.sweeps.sweep_file import load_sweep
 from eha_bench.targets.crash import crashes_as_faults
@@ -157,11 +158,15 @@ def sweep(
     Raises:
         EhaBenchError: bad input, or the folder cannot be used.
     """
-    loaded = load_suite(suite)
+    with noting_inputs() as read_files:
+        loaded = load_suite(suite)
+        case = case_of(loaded, target_for(loaded, target))
+        file = load_sweep(over)
     shelf = Path(out) if out else SuiteFolder(f"{loaded.name}-sweep")
-    case = case_of(loaded, target_for(loaded, target))
+    if isinstance(shelf, Path):
+        spare_inputs((shelf / name for name in SWEEP_FILES), read_files)
     found = run_sweep(
-        case, load_sweep(over), shelf,
+        case, file, shelf,
         resume=resume, workers=workers_from(workers), progress=progress,
     )  # fmt: skip
     words = ["eha-bench", "sweep", str(suite), "--over", str(over)]
@@ -384,8 +389,8 @@ def score_files(
     map_file = Path(channels) if channels else None
     paths = [Path(item) for item in recordings]
     if folder is not None:
-        written = ("result.json", *REPORTS)
-        spare_inputs((folder / name for name in written), (*paths, map_file, *read_files))
+        written = (folder / name for name in (RESULT, *REPORTS))
+        spare_inputs(written, (*paths, map_file, *read_files))
     result, trials = score_recordings(
         paths, suite=loaded, channels=map_file, trial=trial, progress=progress
     )
@@ -394,7 +399,7 @@ def score_files(
         result = replace(
             result, trials=tuple(replace(t, recording=_from(folder, t)) for t in result.trials)
         )
-        result.write(folder / "result.json")
+        result.write(folder / RESULT)
         write_reports(folder, result, trials, folder, channels=map_file)
         result = replace(result, folder=folder)
     return result
@@ -402,7 +407,7 @@ def score_files(
 
 def _for_scores(folder: Path) -> Path:
     """Return a folder that scores may be written into: not where a run keeps its own result."""
-    file = writable(folder) / "result.json"
+    file = writable(folder) / RESULT
     try:
         ran = file.is_file() and Result.read(file).target != RECORDINGS
     except EhaBenchError:

@@ -8,7 +8,14 @@ from functools import partial
 from pathlib import Path
 
 from eha_bench.api import Given, target_for, tell_step_summary, write_reports
-from eha_bench.bench.interleaved import Interleaved, InterleavedPlan, run_interleaved
+from eha_bench.bench.interleaved import (
+    COMPARISON,
+    COMPARISON_FILES,
+    COMPARISON_SUMMARY,
+    Interleaved,
+    InterleavedPlan,
+    run_interleaved,
+)
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.store import SuiteFolder
 from eha_bench.causes.follow import Progress as StageProgress
@@ -36,8 +43,9 @@ from eha_bench.suites import Suite, load_suite
 from eha_bench.trends.history import History, history_of
 from eha_bench.trends.index import update
 
-COMPARISON_FILES = ("comparison.json", "comparison.md")
-"""What programs read of a comparison, next to its page."""
+_HISTORY, _HISTORY_SUMMARY, _INDEX = "history.json", "history.md", "index.sqlite"
+_HISTORY_FILES = (_HISTORY, _HISTORY_SUMMARY, _INDEX)
+"""What programs read of a history, next to its pages."""
 
 
 def compare(
@@ -73,9 +81,9 @@ def compare(
 def write_comparison_files(folder: Path, comparison: Comparison) -> Path:
     """Write comparison.json, comparison.md and comparison.html; return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
-    comparison.write(folder / COMPARISON_FILES[0])
+    comparison.write(folder / COMPARISON)
     summary = comparison_markdown(comparison)
-    write_text(folder / COMPARISON_FILES[1], summary)
+    write_text(folder / COMPARISON_SUMMARY, summary)
     page = write_comparison(folder, comparison)
     tell_step_summary(summary)
     return page
@@ -124,13 +132,13 @@ def history(
     site = Path(out) if out is not None else watched / "history"
     with noting_inputs() as read:
         settings = load_cause_settings(Path(diagnose)) if diagnose is not None else None
-    spare_inputs((site / "history.json", site / "history.md", site / "index.sqlite"), read)
-    index = update(site / "index.sqlite", watched, rebuild=rebuild)
+    spare_inputs((site / name for name in _HISTORY_FILES), read)
+    index = update(site / _INDEX, watched, rebuild=rebuild)
     found = history_of(index, str(folder), workers_from(workers))
     if settings is not None:
         found = replace(found, causes=causes_behind(found, watched, site, settings, progress))
-    found.write(site / "history.json")
-    write_text(site / "history.md", history_markdown(found))
+    found.write(site / _HISTORY)
+    write_text(site / _HISTORY_SUMMARY, history_markdown(found))
     write_site(site, found, watched)
     return found
 

@@ -171,3 +171,20 @@ def test_a_page_replaces_no_figures(cli: Cli, folder: Path) -> None:
     shutil.copy(folder / "plant.yaml", folder / "found/revised.yaml")
     words = ("before-after", "tuning", "found", "--out", "found/diagnosis.json")
     _refused(cli, folder, "found/diagnosis.json", *words, way="name another page")
+
+
+def test_a_sweep_that_goes_on_does_not_replace_its_suite(cli: Cli, folder: Path) -> None:
+    (folder / "swept").mkdir()
+    (folder / "swept/points.jsonl").write_text("{}\n")
+    shutil.move(folder / "suite.yaml", folder / "swept/sweep.json")
+    (folder / "over.yaml").write_text("over: {parameters: {bulk_modulus: [600 MPa, 900 MPa]}}\n")
+    words = ("sweep", "swept/sweep.json", "--over", "over.yaml", "--out", "swept", "--resume")
+    _refused(cli, folder, "swept/sweep.json", *words)
+
+
+def test_a_history_does_not_replace_what_says_its_causes(cli: Cli, results: Path) -> None:
+    (results / "history.json").write_text("diagnose: {model: physical}\n")
+    before = _content(results)
+    with pytest.raises(InputError, match=r"history\.json: is read here"):
+        eb.history(results, results, diagnose=results / "history.json")
+    assert _content(results) == before

@@ -13,6 +13,7 @@ from eha_bench.bench.store import folder_lock, set_aside
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.result import Result, TrialResult
 
+RESULT: Final = "result.json"
 REPORTS: Final = ("report.html", "junit.xml", "summary.md")
 """What is written next to a result for people and CI servers."""
 
@@ -26,7 +27,7 @@ class ResultFolder:
     @property
     def result(self) -> Path:
         """The result file."""
-        return self.path / "result.json"
+        return self.path / RESULT
 
     @property
     def recordings(self) -> Path:

@@ -30,7 +30,9 @@ from eha_bench.targets.target import Target
 SCHEMA_VERSION: Final = 1
 PLAN_NAME: Final = "ab.json"
 SIDES: Final = ("a", "b")
-COMPARISON_FILES: Final = ("comparison.json", "comparison.md", "comparison.html")
+COMPARISON: Final = "comparison.json"
+COMPARISON_SUMMARY: Final = "comparison.md"
+COMPARISON_FILES: Final = (COMPARISON, COMPARISON_SUMMARY, "comparison.html")
 """What is written there once the sides have been compared."""
 _WARM_UP: Final = "warm-up"
 

@@ -33,6 +33,8 @@ from eha_bench.sweeps.sweep_file import SweepFile
 
 TABLE: Final = "points.parquet"
 SUMMARY: Final = "sweep.json"
+WRITTEN: Final = (JOURNAL, TABLE, SUMMARY)
+"""What a sweep writes for programs."""
 SCHEMA_VERSION: Final = 1
 
 
