@@ -40,8 +40,10 @@ def junit(result: Result) -> str:
             if score.limit:
                 _limit_case(suite, result, run, score)
         stopped = run.status in (Status.FAULT, Status.INCOMPLETE)
-        unsafe = run.status is Status.FAILED and bool(run.reason)
-        if len(suite) == 0 or unsafe or (stopped and suite.find("testcase/error") is None):
+        # what ended a run, or was beyond a safety limit, where no limit says so
+        told = "testcase/error" if stopped else "testcase/failure"
+        untold = run.status is not Status.PASSED and suite.find(told) is None
+        if len(suite) == 0 or untold:
             _run_case(suite, result, run)
         counted = {
             "tests": len(suite.findall("testcase")),
@@ -51,7 +53,7 @@ def junit(result: Result) -> str:
         for key, count in counted.items():
             suite.set(key, str(count))
             total[key] += count
-        text = [*run.notes, f"recording: {run.recording}" if run.recording else ""]
+        text = [run.reason, *run.notes, f"recording: {run.recording}" if run.recording else ""]
         output = "\n".join(line for line in text if line)
         if output:
             ET.SubElement(suite, "system-out").text = _clean(output)
