@@ -26,7 +26,7 @@ from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.local_peak import Peak, interpolated_peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
-from eha_bench.metrics.samples import samples
+from eha_bench.metrics.samples import longest_loss, samples
 from eha_bench.metrics.step_metric import (
     LEVELS,
     Finding,
@@ -224,9 +224,7 @@ def _opened(step: StepResponse, measure: Measure, side: float, clipped: bool) ->
         return _cut_off(measure, side, "the sensor's end cut it off")
     if not step.unseen_in_motion:
         return measure
-    start, stop = max(step.unseen_in_motion, key=lambda one: one[1] - one[0])
-    lost = f"samples are lost from {start:.4g} to {stop:.4g} s after the edge"
-    return _cut_off(measure, side, lost)
+    return _cut_off(measure, side, f"{longest_loss(step.unseen_in_motion)} after the edge")
 
 
 def _cut_off(measure: Measure, side: float, why: str) -> Measure:
@@ -345,8 +343,7 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     if (side > 0.0) in cut:
         return _cut_off(measure, side, "the sensor's end cut it off")
     if lost := line.lost(span):
-        start, stop = max(lost, key=lambda one: one[1] - one[0])
-        return _cut_off(measure, side, f"samples are lost from {start:.4g} to {stop:.4g} s")
+        return _cut_off(measure, side, longest_loss(lost))
     return measure
 
 

@@ -15,6 +15,7 @@ from eha_bench.metrics.coverage import NORMAL, reach, type_a
 from eha_bench.metrics.crossing import Crossing, between_samples, refined_crossing, straight
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
+from eha_bench.metrics.samples import longest_loss
 from eha_bench.metrics.settling_model import settling_time_by_model
 from eha_bench.metrics.step_metric import LEVELS, Finding, StepMetric, since_edge, with_state
 from eha_bench.metrics.step_response import StepResponse
@@ -180,13 +181,13 @@ def _as_late_as_unseen(step: StepResponse, found: Finding) -> Finding:
     later = [one for one in step.unseen if one[1] > found.value]
     if not later:
         return found
-    start, stop = later[-1]
+    last = later[-1]
 
     def measure() -> Measure:
         own = found.measure()
-        why = f"samples are lost from {start:.4g} to {stop:.4g} s after the edge"
+        why = f"{longest_loss([last])} after the edge"
         low = own.low if math.isnan(own.low) else min(own.low, *(one[0] for one in later))
-        return replace(own, low=low, high=max(own.high, stop), reason=f"{own.reason}; {why}")
+        return replace(own, low=low, high=max(own.high, last[1]), reason=f"{own.reason}; {why}")
 
     return replace(found, measure=measure, unseen=True)
 

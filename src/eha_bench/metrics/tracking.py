@@ -18,7 +18,7 @@ from eha_bench.metrics.coverage import NORMAL, type_a, type_b
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
-from eha_bench.metrics.samples import samples
+from eha_bench.metrics.samples import longest_loss, samples
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import timeline
 
@@ -233,8 +233,7 @@ class TrackingMax(TrackingMetric):
         found = with_sensor(Measure(value, low, high, reason), error.sensor(weights))
         if not error.lost:
             return found
-        start, stop = max(error.lost, key=lambda one: one[1] - one[0])
-        why = f"at least this, samples are lost from {start:.4g} to {stop:.4g} s"
+        why = f"at least this, {longest_loss(error.lost)}"
         return replace(found, high=math.inf, reason=f"{why}; {reason}")
 
 
