@@ -26,7 +26,8 @@ from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.local_peak import Peak, interpolated_peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
-from eha_bench.metrics.samples import longest_loss, samples
+from eha_bench.metrics.one_sided import CLIPPED, longest_loss, open_ended
+from eha_bench.metrics.samples import samples
 from eha_bench.metrics.step_metric import (
     LEVELS,
     Finding,
@@ -221,17 +222,10 @@ def _opened(step: StepResponse, measure: Measure, side: float, clipped: bool) ->
     Between two samples of a settled response a step has no extreme.
     """
     if clipped:
-        return _cut_off(measure, side, "the sensor's end cut it off")
+        return open_ended(measure, side, CLIPPED)
     if not step.unseen_in_motion:
         return measure
-    return _cut_off(measure, side, f"{longest_loss(step.unseen_in_motion)} after the edge")
-
-
-def _cut_off(measure: Measure, side: float, why: str) -> Measure:
-    """Return a measure whose interval is open to a side, as what was there was not read."""
-    found = replace(measure, high=math.inf) if side > 0.0 else replace(measure, low=-math.inf)
-    words = "at least" if side > 0.0 else "at most"
-    return replace(found, reason=f"{words} this, {why}; {measure.reason}")
+    return open_ended(measure, side, f"{longest_loss(step.unseen_in_motion)} after the edge")
 
 
 class PeakValue(StepMetric):
@@ -341,9 +335,9 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     cut = {item.above for item in data.cut_off(span)}
     measure = Measure(value, value - own, value + own, notes, budget.merged())
     if (side > 0.0) in cut:
-        return _cut_off(measure, side, "the sensor's end cut it off")
+        return open_ended(measure, side, CLIPPED)
     if lost := line.lost(span):
-        return _cut_off(measure, side, longest_loss(lost))
+        return open_ended(measure, side, longest_loss(lost))
     return measure
 
 
@@ -358,7 +352,7 @@ class PeakTime(StepMetric):
         if found.peak.value - 1.0 <= max(found.threshold, _LEAST):
             raise NotScored("no peak: the response does not overshoot beyond its noise")
         if step.cut_above:
-            raise NotScored("the peak is clipped: the sensor's end cut it off")
+            raise NotScored(f"the peak is clipped: {CLIPPED}")
         unseen = bool(step.unseen_in_motion)
         value = max(found.peak.time, 0.0)
         return Finding(value, lambda: self._measure(step, found), unseen=unseen)

@@ -206,12 +206,11 @@ def vertex(time: FloatArray, values: FloatArray, index: int, first: int) -> Peak
     three = _vertex(time, values, index, 1)
     if three is None or not max(first, 0) <= index - 1 <= index + 1 < values.size:
         return here
-    five = None
-    if max(first, 0) <= index - 2 and index + 2 < values.size:
-        five = _vertex(time, values, index, 2)
+    wide = max(first, 0) <= index - 2 and index + 2 < values.size
+    five = _vertex(time, values, index, 2) if wide else None
     place, value = three if five is None else five
     away = (here.time, here.value) if five is None else three
-    if _is_at_a_corner(time, values, index, first):
+    if wide and _is_at_a_corner(time, values, index, first):
         missed = max(value - here.value, abs(value - away[1]))
         return replace(here, between=missed, between_times=abs(place - at))
     return Peak(value, place, 0.0, place, place, abs(value - away[1]), abs(place - away[0]))
@@ -223,17 +222,26 @@ def _is_at_a_corner(time: FloatArray, values: FloatArray, index: int, first: int
     Of a smooth response it misses them by the fifth difference, a small part of the second. Around
     a corner differences do not fall with their order.
     """
-    around = np.arange(max(index - 2, first, 0), min(index + 3, values.size))
-    if around.size < 5:
-        return False
+    coefficients, scale = _through(time, values, index, 2)
+    beside = np.array([k for k in (index - 3, index + 3) if max(first, 0) <= k < values.size], int)
+    followed = np.polyval(coefficients, (time[beside] - time[index]) / scale)
+    missed = np.abs(followed - (values[beside] - values[index]))
+    bend = abs(values[index - 1] - 2.0 * values[index] + values[index + 1])
+    return bool(np.any(missed > _SMOOTH * bend))
+
+
+def _through(
+    time: FloatArray, values: FloatArray, index: int, half: int
+) -> tuple[FloatArray, float]:
+    """Return the polynomial through 2 half + 1 samples, and its unit of time in s.
+
+    Counted from sample `index`, in time and in value; the highest power first.
+    """
+    around = slice(index - half, index + half + 1)
     scale = float(time[index + 1] - time[index - 1])
-    places = (time - time[index]) / scale
-    base = float(values[index])
-    coefficients = np.linalg.solve(np.vander(places[around]), values[around] - base)
-    beside = [k for k in (index - 3, index + 3) if max(first, 0) <= k < values.size]
-    missed = [abs(np.polyval(coefficients, places[k]) - (values[k] - base)) for k in beside]
-    before, after = values[index - 1] - base, values[index + 1] - base
-    return bool(missed) and max(missed) > _SMOOTH * abs(before + after)
+    place = (time[around] - time[index]) / scale
+    coefficients = np.linalg.solve(np.vander(place), values[around] - float(values[index]))
+    return np.asarray(coefficients, dtype=np.float64), scale
 
 
 def _vertex(
@@ -242,11 +250,8 @@ def _vertex(
     """Return place and value of the maximum of the polynomial through 2 half + 1 samples."""
     if not half <= index < values.size - half:
         return None
-    around = slice(index - half, index + half + 1)
-    scale = float(time[index + 1] - time[index - 1])
-    place = (time[around] - time[index]) / scale
-    base = float(values[index])
-    coefficients = np.linalg.solve(np.vander(place), values[around] - base)
+    coefficients, scale = _through(time, values, index, half)
+    place = (time[index - half : index + half + 1] - time[index]) / scale
     roots = np.roots(np.polyder(coefficients)) if np.any(coefficients[:-1] != 0.0) else np.zeros(0)
     real = roots[np.abs(roots.imag) < 1e-9].real
     real = real[(real >= place[half - 1]) & (real <= place[half + 1])]
@@ -254,4 +259,6 @@ def _vertex(
         return None
     best = float(real[int(np.argmax(np.polyval(coefficients, real)))])
     height = float(np.polyval(coefficients, best))
-    return (float(time[index]) + best * scale, base + height) if height >= 0.0 else None
+    if height < 0.0:
+        return None
+    return float(time[index]) + best * scale, float(values[index]) + height

@@ -7,7 +7,6 @@ sensor's resolution comes from the recording's metadata, or from the step betwee
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -284,12 +283,6 @@ def _count_note(flags: BoolArray, line: Timeline, window: slice, what: str) -> s
         return ""
     first = float(line.time[window][int(np.argmax(inside))]) + line.offset
     return f"{count} {what}, the first at {first:.6g} s"
-
-
-def longest_loss(stretches: Sequence[tuple[float, float]]) -> str:
-    """Say where the longest of stretches without samples is, in s."""
-    start, stop = max(stretches, key=lambda one: one[1] - one[0])
-    return f"samples are lost from {start:.4g} to {stop:.4g} s"
 
 
 def lost_samples_note(line: Timeline, window: slice) -> str:

@@ -15,7 +15,7 @@ from eha_bench.metrics.coverage import NORMAL, reach, type_a
 from eha_bench.metrics.crossing import Crossing, between_samples, refined_crossing, straight
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
-from eha_bench.metrics.samples import longest_loss
+from eha_bench.metrics.one_sided import longest_loss
 from eha_bench.metrics.settling_model import settling_time_by_model
 from eha_bench.metrics.step_metric import LEVELS, Finding, StepMetric, since_edge, with_state
 from eha_bench.metrics.step_response import StepResponse

@@ -11,6 +11,7 @@ import numpy as np
 
 from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.core.budget import Budget
+from eha_bench.core.finite import LARGEST
 from eha_bench.core.note import Note
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge
@@ -38,7 +39,6 @@ MOST_EDGES = 64
 """Edges up to which a signal is a sequence of steps."""
 
 _EXACT = 1e-6  # noise below this share of the step: crossings are interpolated between samples
-_LARGEST = 1e100
 _SMALLEST = 1e-100
 _RESOLVED = 4  # samples from 25 to 75 % below which a polynomial cannot follow the response
 _PASSED = 3.5  # the same, a fraction of a sample counted
@@ -124,7 +124,7 @@ class StepResponse:
         """Level at the end of the hold, SI."""
         return self.initial + self.step
 
-    @property
+    @cached_property
     def unseen_in_motion(self) -> tuple[tuple[float, float], ...]:
         """Where samples are lost and the response had not settled before, or not after, s."""
         return tuple(one for one in self.unseen if any(self._is_away(time) for time in one))
@@ -420,7 +420,7 @@ def require_finite(line: Timeline, values: FloatArray, window: slice) -> None:
 
     Values whose squares are beyond the floating-point range count as none.
     """
-    good = np.abs(values[window]) < _LARGEST  # not so for NaN
+    good = np.abs(values[window]) < LARGEST  # not so for NaN
     if not np.all(good):
         first = int(np.argmin(good))
         at = float(line.time[window][first]) + line.offset

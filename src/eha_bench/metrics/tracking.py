@@ -18,7 +18,8 @@ from eha_bench.metrics.coverage import NORMAL, type_a, type_b
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
-from eha_bench.metrics.samples import longest_loss, samples
+from eha_bench.metrics.one_sided import longest_loss, open_ended
+from eha_bench.metrics.samples import samples
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import timeline
 
@@ -231,10 +232,7 @@ class TrackingMax(TrackingMetric):
         weights[at] = 1.0
         reason = "measured error, sensor noise included"
         found = with_sensor(Measure(value, low, high, reason), error.sensor(weights))
-        if not error.lost:
-            return found
-        why = f"at least this, {longest_loss(error.lost)}"
-        return replace(found, high=math.inf, reason=f"{why}; {reason}")
+        return open_ended(found, 1.0, longest_loss(error.lost)) if error.lost else found
 
 
 class TrackingNrmse(TrackingMetric):

@@ -9,11 +9,10 @@ import numpy as np
 
 from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.core.finite import LARGEST
 from eha_bench.core.note import Note
 from eha_bench.core.recording import Recording
 
-_BEYOND = 1e100
-"""SI; the square of what is larger than its square would be infinite."""
 _HARDLY_ELSE = 0.9
 """Share of a channel's readings that are not zero, from which it is no sensor's at all."""
 
@@ -68,7 +67,7 @@ def refuse_beyond_sensors(recording: Recording, names: Iterable[str], where: Pla
 
 def _beyond(column: FloatArray) -> BoolArray:
     """Return where a channel is finite and beyond all sensors, (n,)."""
-    return np.asarray(np.isfinite(column) & (np.abs(column) > _BEYOND))
+    return np.asarray(np.isfinite(column) & (np.abs(column) > LARGEST))
 
 
 def _is_hardly_else(column: FloatArray, beyond: BoolArray) -> bool:
