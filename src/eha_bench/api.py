@@ -530,16 +530,16 @@ def next_experiment(
         InputError: a file is wrong or missing, or the model has no command.
     """
     path = None if out is None else suite_path(out)
+    with noting_inputs() as read_files:
+        question = read_question(diagnosis)
     if path is not None:
         written = (path, dataset_path(path), path.with_suffix(".json"), path.with_suffix(".html"))
-        with noting_inputs() as read_files:
-            question = read_question(diagnosis)
         own = (question.source.parent / name for name in DIAGNOSIS_FILES)
         files = (*read_files, *own, question.covered.dataset or None, safety)
         spare_inputs(written, files, "name another file with --out")
     tell = progress or (lambda _stage, _fraction: None)
     found = propose(
-        diagnosis, budget=budget, safety=safety, probability=probability, within=within, seed=seed,
+        question, budget=budget, safety=safety, probability=probability, within=within, seed=seed,
         progress=tell,
     )  # fmt: skip
     if path is not None:

@@ -39,7 +39,7 @@ from eha_bench.experiment.describe import (
     sentence_of,
     width_words,
 )
-from eha_bench.experiment.hypothesis import Question, read_question, rivals_to_separate
+from eha_bench.experiment.hypothesis import Question, rivals_to_separate
 from eha_bench.experiment.lengthening import SHORTEST
 from eha_bench.experiment.narrowing import (
     counted_parameters,
@@ -83,7 +83,7 @@ def no_progress(_stage: str, _fraction: float) -> None:
 
 
 def propose(
-    diagnosis: str | Path,
+    question: Question,
     *,
     budget: float = 30.0,
     safety: str | Path | None = None,
@@ -95,7 +95,7 @@ def propose(
     """Return the cheapest permitted experiment that separates what a diagnosis leaves open.
 
     Args:
-        diagnosis: diagnosis.json, or its folder. budget: bench time allowed, s.
+        question: what a diagnosis leaves open. budget: bench time allowed, s.
         safety: target.yaml or suite that says what is safe; None: what has been recorded.
         probability: of naming the right rival that is asked for.
         within: half of a 95 % interval, as a share of the parameter, that is asked for where
@@ -112,7 +112,6 @@ def propose(
             f"{budget:g} s of bench time are too few",
             hint=f"an experiment takes {SHORTEST:g} s at least: give it as --budget",
         )
-    question = read_question(diagnosis)
     found = _Planner(question, budget, safety, probability, within, seed, progress).run()
     return replace(found, seconds=time.perf_counter() - began, source=question.source)
 

@@ -63,6 +63,13 @@ class Start:
         out[self._sizes] = self.neutral + share * (self.strength - self.neutral)
         return out
 
+    def as_in(self, other: FloatArray, vector: FloatArray) -> FloatArray:
+        """Return a vector with the candidate as it is in another one."""
+        out = vector.copy()
+        for at, _ in self.settings:
+            out[at] = other[at]
+        return out
+
     def off(self, vector: FloatArray) -> FloatArray:
         """Return a vector with the candidate off, its settings as they are."""
         out = vector.copy()

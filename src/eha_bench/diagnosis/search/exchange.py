@@ -192,9 +192,7 @@ def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:
     What was found has been fitted on and on. A rival that stops in a long valley (of mass and bulk
     modulus, whose ratio alone shows) would be behind for that, and be predicted from there.
     """
-    vector = item.start.off(search.fit.vector)
-    for at, _ in trial.start.settings:
-        vector[at] = trial.fit.vector[at]
+    vector = trial.start.as_in(trial.fit.vector, item.start.off(search.fit.vector))
     if len(search.effects) == 1 and search.accepted[-1] is item:
         # nothing came after it: its parameters are those of its fit
         vector = trial.fit.vector.copy()

@@ -186,10 +186,11 @@ def _best(search: Search, kept: Search) -> Nearby | None:
             if name not in pairs or _cost(pair) < _cost(pairs[name]):
                 pairs[name] = pair
     plausible = (_PLAUSIBLE_BENT if bent else _PLAUSIBLE) * near.excess
+    good = [pair for pair in pairs.values() if near.gain(pair) > plausible]
+    if not good:
+        return None
     found = _over_short_windows(near, kept)
-    good = [
-        p for p in pairs.values() if near.gain(p) > plausible and _may_pass(kept, near, p, found)
-    ]
+    good = [pair for pair in good if _may_pass(kept, near, pair, found)]
     good = sorted(good, key=_cost)[:_FINALISTS]
     done = side_by_side(lambda pair: Nearby(pair.starts, near.long(pair)), good)
     least = _ARRIVING * search.thresholds.together * search.excess_base.total
@@ -204,11 +205,10 @@ def _over_short_windows(near: Near, kept: Search) -> Nearby | None:
     """Return what was found, refitted over the short windows; None where nothing was."""
     if not kept.accepted:
         return None
-    vector = near.fit.vector.copy()
-    for item in kept.accepted:
-        for at, _ in item.start.settings:
-            vector[at] = kept.fit.vector[at]
-    return near.fit_together(tuple(item.start for item in kept.accepted), vector)
+    starts, vector = tuple(item.start for item in kept.accepted), near.fit.vector
+    for start in starts:
+        vector = start.as_in(kept.fit.vector, vector)
+    return near.fit_together(starts, vector)
 
 
 def _may_pass(kept: Search, near: Near, pair: Nearby, found: Nearby | None) -> bool:

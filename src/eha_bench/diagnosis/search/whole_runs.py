@@ -139,12 +139,7 @@ def _begun(search: Search, item: Accepted) -> Iterator[tuple[str, list[tuple[Sta
         fitted = [(trial.start, trial.fit) for trial in look if trial.candidate == name]
         if name == item.start.candidate:
             fitted = [(item.start, search.fit)]
-        begun = []
-        for start, fit in fitted:
-            vector = off.copy()
-            for at, _ in start.settings:
-                vector[at] = fit.vector[at]
-            begun.append((start, vector))
+        begun = [(start, start.as_in(fit.vector, off)) for start, fit in fitted]
         forms = one_of_each_form(layout, [start for start in every if start.candidate == name])
         yield name, [*begun, *((start, start.apply(off)) for start in forms)]
 
