@@ -100,7 +100,7 @@ def judge_together(
     scored = [place for place, item in enumerate(results) if item.status in ended]
     judged = judge_repeats([results[place].scores for place in scored], limits)
     for place, scores in zip(scored, judged, strict=True):
-        status = Status.FAILED if _was_unsafe(results[place]) else _status(scores)
+        status = Status.FAILED if results[place].is_unsafe else _status(scores)
         together[place] = replace(results[place], scores=scores, status=status)
     return together
 
@@ -219,14 +219,10 @@ def _ended(recording: Recording, judged: TrialResult) -> tuple[Status, str]:
     unfinished = _unfinished_status(recording)
     if unfinished is None:
         return judged.status, judged.reason
-    if _was_unsafe(judged) and unfinished is not Status.FAULT:
+    unsafe = judged.is_unsafe or judged.status is Status.FAULT
+    if unsafe and unfinished is not Status.FAULT:
         return Status.FAULT, judged.reason
     return unfinished, recording.metadata.get("ending_reason", "") or judged.reason
-
-
-def _was_unsafe(judged: TrialResult) -> bool:
-    """Whether a recording was beyond a safety limit: no score gives its trial a reason."""
-    return bool(judged.reason) and judged.status in (Status.FAILED, Status.FAULT)
 
 
 def _unfinished_status(recording: Recording) -> Status | None:

@@ -66,6 +66,11 @@ class TrialResult:
     notes: tuple[str, ...] = ()
     definition: str = ""
 
+    @property
+    def is_unsafe(self) -> bool:
+        """Whether a recording that came to its end was beyond a safety limit: `reason` says it."""
+        return self.status is Status.FAILED and bool(self.reason)
+
 
 class MissedLimit(NamedTuple):
     """A limit that was not kept, or (without a metric) why a run did not pass; values are SI."""

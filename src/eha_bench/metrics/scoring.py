@@ -51,13 +51,12 @@ def metric(name: str) -> Metric:
     if isinstance(found, Metric):
         check_class(type(found), Metric, f"metric '{name}'")
         check_attributes(found, Metric, f"metric '{name}'")
-    spec = found.spec if isinstance(found, Metric) else None
-    if not isinstance(spec, MetricSpec) or spec.id != name:
+    spec = getattr(found, "spec", None)
+    if not (isinstance(found, Metric) and isinstance(spec, MetricSpec) and spec.id == name):
         raise PluginError(
             f"entry point '{name}' of eha_bench.metrics does not name a metric of this id",
             hint="it must name a subclass of eha_bench.metrics.Metric with this id in its spec",
         )
-    assert isinstance(found, Metric)
     return found
 
 

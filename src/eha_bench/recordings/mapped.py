@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -174,7 +173,7 @@ def _recording(
         notes=tuple(notes),
         source=source.path,
         damaged=source.damaged_attachments(),
-        origin=str(Path(source.path).absolute()),
+        origin=source.origin,
     )
 
 

@@ -84,5 +84,5 @@ def read_own(source: Source, span: TimeSpan) -> Recording:
         notes=(*earlier, *(note for note in found if note not in earlier)),
         source=source.path,
         damaged=source.damaged_attachments(),
-        origin=str(Path(source.path).absolute()),
+        origin=source.origin,
     )

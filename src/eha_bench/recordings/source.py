@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.channel_map import Clock
@@ -64,6 +65,11 @@ class Source(ABC):
     @abstractmethod
     def path(self) -> str:
         """The file or folder, for messages."""
+
+    @property
+    def origin(self) -> str:
+        """Where that is, from the root."""
+        return str(Path(self.path).absolute())
 
     @property
     def parts(self) -> tuple[Source, ...]:

@@ -162,7 +162,7 @@ def headline(result: Result) -> str:
     faults = sum(run.status is Status.FAULT for run in result.trials)
     if faults:
         parts.append(f"{_count(faults, 'run')} stopped by a fault or a safety limit")
-    unsafe = sum(run.status is Status.FAILED and bool(run.reason) for run in result.trials)
+    unsafe = sum(run.is_unsafe for run in result.trials)
     if unsafe:
         parts.append(f"{_count(unsafe, 'run')} beyond a safety limit")
     if result.not_run:
