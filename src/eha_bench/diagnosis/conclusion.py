@@ -16,6 +16,7 @@ from eha_bench.diagnosis.fit.side_by_side import fits_by
 from eha_bench.diagnosis.fit.start_angles import starts_of
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training, unchecked
+from eha_bench.diagnosis.outcome.curve_instead import curve_instead
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameters
@@ -232,11 +233,10 @@ class Conclusion:
             against = against or against_second(self.search, second, found)
             if against is None:
                 found = self._with_remainder(found, asked, workers)
-                left = found.remainder
-                mean = only_a_mean(self.search, left) if left is not None else None
-                if mean is None:
+                imitation = self._imitation(found, asked, workers)
+                if imitation is None:
                     break
-                found = self._without_effect(mean, asked, workers)
+                found = self._without_effect(imitation, asked, workers)
                 continue
             # runs that are only scored choose between two, not among many
             others = () if second else against.item.equivalent
@@ -249,6 +249,20 @@ class Conclusion:
                 "well; ask runs of another day"
             )
         return found
+
+    def _imitation(
+        self, found: Diagnosis, asked: Interruption, workers: Workers
+    ) -> Refusal | None:
+        """Return an effect that only stands for a law that nobody declared, None for none."""
+        if found.remainder is None:
+            return None
+        if (mean := only_a_mean(self.search, found.remainder)) is not None:
+            return mean
+        try:
+            with checkpoints(asked), fits_by(workers):
+                return curve_instead(self.search, found.remainder, COARSE)
+        except KeyboardInterrupt:
+            return None
 
     def _with_remainder(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Say what remains beside the effects, where more than noise does, and where it acts."""

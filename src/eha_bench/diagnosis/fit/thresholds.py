@@ -27,7 +27,7 @@ QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "Is another one as good?": ("behind", "behind_share", "chance", "white"),
     "Does an effect stand in the end?": ("loose", "little", "form", "likely", "clear", "worse"),
-    "Which verdict?": ("explained", "beaten", "nothing", "follows"),
+    "Which verdict?": ("explained", "beaten", "instead", "nothing", "follows"),
     "Do held-out runs agree?": ("windows", "replays"),
 }  # fmt: skip
 """Question -> the thresholds that answer it."""
@@ -179,6 +179,12 @@ class Thresholds:
         0.5,
         "part of what they explain below which a learned curve is no rival to less than that",
         "chosen on blind rigs",
+    )
+    instead: float = _threshold(
+        0.5,
+        "part of what an effect leaves, up to which a curve that leaves so little without it shows "
+        "that the effect imitates",
+        "half, as `explained`: beside a cause that is there, a curve leaves most of what that does",
     )
     nothing: float = _threshold(
         0.005,

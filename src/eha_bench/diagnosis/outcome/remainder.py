@@ -17,6 +17,7 @@ from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.outcome.whereabouts import acts_in, element_of
 from eha_bench.diagnosis.search.state import ALL_BUT_A_FORM, Search
+from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.locator import locate
 from eha_bench.diagnosis.unknown.places import places_of
 from eha_bench.plants.plant import Plant
@@ -38,6 +39,7 @@ class Remainder:
         near: other balances that these data hardly tell it from.
         found_there: effects at the same place: their law may be another one, and then their
             sizes have no intervals.
+        curve: what `explained` is of, None where none explains any of it.
     """
 
     share: float
@@ -47,6 +49,7 @@ class Remainder:
     explained: float = 0.0
     near: tuple[str, ...] = ()
     found_there: tuple[str, ...] = ()
+    curve: LocatedCurve | None = None
 
     @property
     def note(self) -> str:
@@ -103,7 +106,7 @@ def remainder(
     here = acting_at(search.problem.plant, at)
     there = tuple(name for name, balance, where in places if balance == equation and where in here)
     variable = best.template.variable
-    return Remainder(share, equation, at, variable, min(best.share, 1.0), near, there)
+    return Remainder(share, equation, at, variable, min(best.share, 1.0), near, there, best)
 
 
 def acting_at(plant: Plant, place: str) -> frozenset[str]:

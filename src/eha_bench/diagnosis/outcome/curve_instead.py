@@ -1,0 +1,66 @@
+"""An effect that one unknown law stands for better, alone.
+
+A drag that grows with the cube of the speed leaves less to a torque that saturates than to nothing,
+and what that leaves follows the speed. Where an effect leaves a remainder that a curve of one
+variable explains at another place, the same curve is fitted without the effect: where it leaves
+much less than the effect does, the effect only imitated it. Beside a cause that is there, a curve
+of what remains cannot stand for both.
+"""
+
+from __future__ import annotations
+
+from eha_bench.core.per_cent import per_cent
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import cost_of
+from eha_bench.diagnosis.fit.short_windows import aligned_problem
+from eha_bench.diagnosis.outcome.refusal import Refusal
+from eha_bench.diagnosis.outcome.remainder import Remainder
+from eha_bench.diagnosis.search.backward import without
+from eha_bench.diagnosis.search.state import Search
+from eha_bench.diagnosis.unknown.curves import LocatedCurve
+from eha_bench.diagnosis.unknown.learn import learn
+from eha_bench.plants.effects.learned import KNOTS
+
+
+def curve_instead(search: Search, left: Remainder, step: float) -> Refusal | None:
+    """Return an effect that a curve of what remains beside it stands for, None for none.
+
+    Args:
+        search: with it. left: what remains beside the effects, and what that follows.
+        step: integration step of the curve's fit, s.
+    """
+    limits, curve = search.thresholds, left.curve
+    if curve is None or not left.variable or left.explained < limits.nearly_all:
+        return None
+    if search.is_all_but_a_form:
+        return None
+    long = search.problem.at_step(step)
+    long.soft = 1.0
+
+    def beyond_noise(cost: float) -> float:
+        return cost - SOFT_MEAN * long.size
+
+    missing = beyond_noise(cost_of(long, search.base.vector))
+    effects_leave = beyond_noise(cost_of(long, search.fit.vector))
+    for item in sorted(search.effects, key=lambda item: item.comparison.gain):
+        if item.start.candidate in left.found_there:
+            continue
+        fit = search.base if len(search.accepted) == 1 else without(search, item)
+        curve_leaves = beyond_noise(_with_curve(search, fit, curve, step).cost)
+        if curve_leaves < limits.instead * effects_leave:
+            known, alone = (1.0 - each / missing for each in (effects_leave, curve_leaves))
+            return Refusal(
+                item,
+                f"with it {per_cent(known)} of what is missing is explained, and a curve of "
+                f"{left.variable} at '{left.at}' explains {per_cent(alone)} without it",
+            )
+    return None
+
+
+def _with_curve(search: Search, fit: Fit, curve: LocatedCurve, step: float) -> Fit:
+    """Return a fit without the effect with the curve added, and all numbers fitted again."""
+    short, _ = aligned_problem(search.problem.at_step(step), fit.vector, KNOTS)
+    short.prepare(fit.vector)
+    short.scale_to(short.residual(fit.vector))
+    return learn(search.problem, short, fit, curve, step)[1]
