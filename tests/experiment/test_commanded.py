@@ -14,6 +14,7 @@ from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.yaml_file import load
 from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import read_question
+from eha_bench.experiment.permitted import Limit
 from eha_bench.experiment.proposal import ProposalEnding
 from eha_bench.experiment.response import Bench, respond
 from eha_bench.suites import load_suite
@@ -219,3 +220,29 @@ def test_what_is_predicted_beyond_the_recordings_is_less_certain() -> None:
     assert outside.noise == pytest.approx([np.hypot(0.1, np.sqrt(20.0) * 0.12)])
     never = bench.beyond((Piston.LOCKED, Bypass.CLOSED), {"speed": np.array([0.0, 10.0])})
     assert never.noise == pytest.approx([np.hypot(0.1, np.sqrt(20.0) * 0.1)])
+
+
+def test_a_locked_trial_keeps_its_limits_also_where_nothing_was_commanded_before_it(
+    tmp_path: Path,
+) -> None:
+    """Recordings at rest under 6 A: a rig that is switched off before a trial jumps to them."""
+    at_rest = {"current_command": 6.0, "pressure_a": 8e6, "pressure_b": 0.6e6}
+    folder = write_question(
+        tmp_path / "diagnosis", [rival("command_delay", {"delay": 4e-3})], starts=at_rest
+    )
+    question = read_question(folder)
+    rivals, commanded = question.rivals, Commanded.of(question)
+    bench = Bench.of(question.covered, rivals[0].model.plant, commanded.channel)
+    suite = (
+        "name: next\ntrials:\n  - {id: hold, mode: current, duration: 0.2 s,"
+        " setup: {piston: locked}, signal: {kind: constant, value: 6 A}}\n"
+    )
+    (tmp_path / "hold.yaml").write_text(suite)
+    trial = load_suite(tmp_path / "hold.yaml").trials[0]
+    limits = {"motor_speed": Limit(-5.0, 5.0)}
+    draws = [np.zeros((1, len(rivals[0].keys)))]
+    found = respond(rivals, draws, trial, bench, limits, commanded)
+    column = rivals[0].model.plant.outputs.index("motor_speed")
+    assert np.abs(found.outputs[0][:, :, column]).max() < 1.0
+    assert found.rooms[0].high > 20.0
+    assert not found.safe

@@ -250,9 +250,7 @@ class Conclusion:
             )
         return found
 
-    def _imitation(
-        self, found: Diagnosis, asked: Interruption, workers: Workers
-    ) -> Refusal | None:
+    def _imitation(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Refusal | None:
         """Return an effect that only stands for a law that nobody declared, None for none."""
         if found.remainder is None:
             return None

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.trial import Trial, mode_named, passes_on
+from eha_bench.core.trial import Piston, Trial, mode_named, passes_on
 from eha_bench.experiment.hypothesis import Question
 from eha_bench.plants.plant import Plant
 
@@ -73,18 +73,24 @@ class Commanded:
             channel in plant.roles.rate_of,
         )
 
-    def at_rest(self, reference: FloatArray, starts: Mapping[str, float]) -> float:
-        """Return what is commanded before a trial, SI.
+    def before(
+        self, trial: Trial, reference: FloatArray, starts: Mapping[str, float]
+    ) -> tuple[float, ...]:
+        """Return what may be commanded before a trial, the most likely first, SI.
 
-        What follows a position stands where it is asked to be first; everything else does as where
-        recordings began.
+        What follows a position stands where it is asked to be first. Anything else stands as where
+        recordings began. Where the piston is locked and so holds any weight, it may as well be
+        switched off until the trial begins.
 
         Args:
-            reference: of the trial, (n,). starts: channel -> what recordings began with, SI.
+            trial: to run. reference: of it, (n,). starts: channel -> what a machine at rest is
+                commanded.
         """
         if self.follows or self.is_imposed_position:
-            return float(reference[0])
-        return starts.get(self.channel, 0.0)
+            return (float(reference[0]),)
+        recorded = starts.get(self.channel, 0.0)
+        off = (0.0,) if trial.setup.piston is Piston.LOCKED else ()
+        return tuple(dict.fromkeys((recorded, *off)))
 
     def start(self, trial: Trial, reference: FloatArray) -> dict[str, float]:
         """Return where a trial starts, channel -> SI: what is led is where it is asked to be."""

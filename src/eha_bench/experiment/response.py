@@ -81,7 +81,8 @@ class Bench:
             item.setup: {
                 name: value
                 for name, value in item.starts.items()
-                if name == command or (name in plant.roles.pressures and name not in covered.inputs)
+                if (name == command and item.at_rest)
+                or (name in plant.roles.pressures and name not in covered.inputs)
             }
             for item in covered.setups
         }
@@ -174,14 +175,42 @@ def respond(
         trial: to run. bench: sensors. limits: by channel. commanded: what the trial gives.
     """
     reference = trial.reference(trial.clock())
-    rest = round(REST * trial.sample_rate)
     setup = (trial.setup.piston, trial.setup.bypass)
-    at_rest = bench.starts.get(setup, {})
-    command = np.concatenate((np.full(rest, commanded.at_rest(reference, at_rest)), reference))
+    vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
+    first, *others = (
+        _after_command(rivals, vectors, trial, bench, commanded, before)
+        for before in commanded.before(trial, reference, bench.starts.get(setup, {}))
+    )
+    fitted = np.stack([item[0] for item in first])
+    names = rivals[0].model.plant.outputs
+    here = bench.beyond(
+        setup,
+        {name: fitted[:, :, column] for column, name in enumerate(names)},
+    )
+    every = [
+        np.concatenate([own, *(other[number] for other in others)])
+        for number, own in enumerate(first)
+    ]
+    doubled = [np.concatenate([own] * (1 + len(others))) for own in vectors]
+    return Responses(trial, first, here, rooms_of(rivals, doubled, every, bench, limits))
+
+
+def _after_command(
+    rivals: Sequence[Hypothesis],
+    vectors: Sequence[FloatArray],
+    trial: Trial,
+    bench: Bench,
+    commanded: Commanded,
+    before: float,
+) -> tuple[FloatArray, ...]:
+    """Return the outputs of a trial before which so much was commanded, by every rival."""
+    reference = trial.reference(trial.clock())
+    rest = round(REST * trial.sample_rate)
+    command = np.concatenate((np.full(rest, before), reference))
     inputs = {name: np.full(command.size, value) for name, value in bench.inputs.items()}
     inputs[commanded.channel] = command
-    plant = rivals[0].model.plant
-    start = plant.unbent({**at_rest, **commanded.start(trial, reference)})
+    at_rest = bench.starts.get((trial.setup.piston, trial.setup.bypass), {})
+    start = rivals[0].model.plant.unbent({**at_rest, **commanded.start(trial, reference)})
     start.pop(commanded.channel, None)
     drive = Drive(
         np.arange(command.size) / trial.sample_rate,
@@ -190,18 +219,10 @@ def respond(
         locked=trial.setup.piston is Piston.LOCKED,
         bypass_open=trial.setup.bypass is Bypass.OPEN,
     )
-    vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
-    outputs = tuple(
+    return tuple(
         _after_rest(readings, rest, {} if commanded.follows else _places_at_start(rival, start))
         for rival, readings in zip(rivals, predicted_readings(rivals, vectors, drive), strict=True)
     )
-    fitted = np.stack([item[0] for item in outputs])
-    names = plant.outputs
-    here = bench.beyond(
-        setup,
-        {name: fitted[:, :, column] for column, name in enumerate(names)},
-    )
-    return Responses(trial, outputs, here, rooms_of(rivals, vectors, outputs, bench, limits))
 
 
 def _places_at_start(rival: Hypothesis, start: Mapping[str, float]) -> dict[int, float]:

@@ -47,12 +47,14 @@ class CoveredSetup:
         piston, bypass: their states.
         extremes: channel -> (lowest, highest) that was recorded in it, SI.
         starts: channel -> what it read where recordings begin, the median of them, SI.
+        at_rest: whether the machine was at rest there under what it was commanded.
     """
 
     piston: str
     bypass: str
     extremes: Mapping[str, tuple[float, float]]
     starts: Mapping[str, float] = field(default_factory=dict)
+    at_rest: bool = True
 
     @property
     def setup(self) -> tuple[Piston, Bypass]:
@@ -67,6 +69,7 @@ class CoveredSetup:
             "bypass": self.bypass,
             "extremes": extremes,
             "starts": dict(self.starts),
+            "at_rest": self.at_rest,
         }
 
     @staticmethod
@@ -76,7 +79,8 @@ class CoveredSetup:
             name: (float(low), float(high)) for name, (low, high) in content["extremes"].items()
         }
         starts = {name: float(value) for name, value in (content.get("starts") or {}).items()}
-        return CoveredSetup(content["piston"], content["bypass"], extremes, starts)
+        at_rest = bool(content.get("at_rest", True))
+        return CoveredSetup(content["piston"], content["bypass"], extremes, starts, at_rest)
 
 
 @dataclass(frozen=True)

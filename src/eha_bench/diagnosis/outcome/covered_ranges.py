@@ -14,6 +14,12 @@ from eha_bench.posterior.covered import Covered, CoveredSetup, setup_of
 
 _FIRST = 5
 """Readings at the start of a recording that are averaged."""
+_AT_FIRST = 0.1
+"""How long a machine is looked at where its recording begins, s."""
+_MOVES = 0.2
+"""Part of a channel's recorded range that it goes in that time where it was not at rest."""
+_NOISES = 10.0
+"""And more than so many standard deviations of its noise."""
 
 
 def covered_ranges(
@@ -30,6 +36,11 @@ def covered_ranges(
     """
     setups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
     starts: dict[tuple[str, str], dict[str, list[float]]] = {}
+    moving = {
+        setup_of(locked=item.run.locked, bypass_open=item.run.bypass_open)
+        for item in runs
+        if _moves_at_first(item, noise)
+    }
     inputs: dict[str, list[np.ndarray]] = {}
     shaken: dict[str, list[float]] = {}
     for item in runs:
@@ -62,9 +73,30 @@ def covered_ranges(
                 *key,
                 extremes,
                 {name: float(np.median(values)) for name, values in starts[key].items()},
+                key not in moving,
             )
             for key, extremes in setups.items()
         ),
         str(Path(dataset).resolve()) if Path(dataset).is_file() else "",
         {name: float(np.median(levels)) for name, levels in shaken.items()},
     )
+
+
+def _moves_at_first(run: Measured, noise: Mapping[str, float]) -> bool:
+    """Whether a machine moves where its recording begins, though what drives it hardly does.
+
+    It was not at rest then: what it is commanded there began with the recording.
+    """
+    first = run.time <= run.time[0] + max(_AT_FIRST, 2 * _FIRST * run.tick)
+    for values in run.inputs.values():
+        if np.ptp(values[first]) > _MOVES * np.ptp(values) > 0.0:
+            return False
+    for number, name in enumerate(run.outputs):
+        values, known = run.values[:, number], run.valid[:, number]
+        if name in run.roles.rate_of or np.count_nonzero(known & first) <= _FIRST:
+            continue
+        begun = float(values[known & first][:_FIRST].mean())
+        way = float(np.abs(values[known & first] - begun).max())
+        if way > max(_MOVES * np.ptp(values[known]), _NOISES * noise.get(name, 0.0)):
+            return True
+    return False
