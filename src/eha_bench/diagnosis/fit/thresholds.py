@@ -20,7 +20,7 @@ def _threshold(value: float, decides: str, source: str) -> float:
 
 
 QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
-    "Is something missing?": ("rest", "structure", "bursts", "look"),
+    "Is something missing?": ("rest", "structure", "doubled", "bursts", "look"),
     "Is a candidate believed?": (
         "gain", "share", "first", "much", "p_value", "p_hidden", "p_few", "plain",
         "nearly_all", "runs_better", "p_clear", "worth", "together",
@@ -50,6 +50,12 @@ class Thresholds:
         8.0,
         "structure in time up to which nothing is missing, in standard deviations",
         "chosen on blind rigs",
+    )
+    doubled: float = _threshold(
+        1.0,
+        "excess, in the noise's cost, from which a structure of `clear` is enough",
+        "twice the noise is no nearly right model; `structure` grows with the number of readings, "
+        "and a log of 150 reaches 7.7 at four times the noise",
     )
     bursts: float = _threshold(
         0.2,
@@ -218,7 +224,8 @@ class Thresholds:
 
     def has_structure(self, rest: Excess) -> bool:
         """Whether a residual has structure in time, which a wrong level of the noise has not."""
-        return rest.significance > self.structure
+        least = self.clear if rest.relative > self.doubled else self.structure
+        return rest.significance > least
 
     def is_worth_a_look(self, rest: Excess) -> bool:
         """Whether enough is left to distinguish another cause from what a fit leaves over.
