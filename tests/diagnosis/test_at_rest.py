@@ -50,6 +50,12 @@ def test_what_the_data_determine_is_estimated_and_said(tmp_path) -> None:
     assert note in json.loads((tmp_path / "calibration.json").read_text())["notes"]
 
 
+def test_what_is_declared_of_it_is_fitted_as_well() -> None:
+    """None of the speeds that are tried is better than the declared one, and another one is."""
+    found = calibrate(dataset(3e-3, ("mass",), creep_speed=2e-3))
+    assert found.model.parameters["creep_speed"] == pytest.approx(3e-3, rel=0.1)
+
+
 @pytest.mark.parametrize("declared", [0.0, 2e-5])
 def test_what_the_data_leave_open_stays_as_declared(declared) -> None:
     """A mass that is wrong and may not move bends friction at rest, by no clear amount."""

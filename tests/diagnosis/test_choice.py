@@ -67,6 +67,12 @@ def test_of_two_that_leave_as_little_the_one_that_carries_over_is_chosen(
     assert found.candidate == chosen
 
 
+def test_two_standard_deviations_are_a_tie_however_few_the_readings_are() -> None:
+    assert equivalent.tie(435.0, 186) == 4.0
+    assert equivalent.tie(435.0, 3000) == pytest.approx(9.0)
+    assert equivalent.tie(200.0, 100_000) == pytest.approx(6.0)
+
+
 def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Search) -> None:
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, 850.0), trial(search, RIGHT, best + 40.0, 900.0)]

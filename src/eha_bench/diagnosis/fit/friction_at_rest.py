@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -80,10 +80,24 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
         size = min(costs, key=lambda size: costs[size])
         if costs[size] < costs[own] - TELLING:
             vector = trials[size]
-    if vector is fit.vector:
+    held = _declared_and_held(layout, fit)
+    if vector is fit.vector and not held:
         return fit
     problem.prepare(vector)
-    return _along(problem, fit, vector)
+    return _along(problem, fit, vector, held)
+
+
+def _declared_and_held(layout: Layout, fit: Fit) -> list[str]:
+    """Return the creeping that was declared, and that a fit does not move.
+
+    Held there, every candidate would be credited with what moving it gains.
+    """
+    moved = {item.key for item in fit.free}
+    return [
+        key
+        for key in friction_at_rest_of(layout)
+        if key not in moved and fit.vector[layout.index[key]] != 0.0
+    ]
 
 
 def _with(vector: FloatArray, at: int, size: float) -> FloatArray:
@@ -109,13 +123,18 @@ def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
     return fit
 
 
-def _along(problem: Problem, fit: Fit, vector: FloatArray) -> Fit:
-    """Return the fit from a vector whose friction at rest is another one."""
+def _along(problem: Problem, fit: Fit, vector: FloatArray, held: Sequence[str] = ()) -> Fit:
+    """Return the fit from a vector whose friction at rest is another one.
+
+    Args:
+        problem, fit: where it begins. vector: with other friction at rest. held: friction at rest
+            that is the same there, and is fitted from now on.
+    """
     layout = problem.plant.layout
     changed = [
         key
         for key in friction_at_rest_of(layout)
-        if vector[layout.index[key]] != fit.vector[layout.index[key]]
+        if key in held or vector[layout.index[key]] != fit.vector[layout.index[key]]
     ]
     known = {key: column for key, column in fit.columns.items() if key not in changed}
     creeps = [key for key in changed if vector[layout.index[key]] != 0.0]
