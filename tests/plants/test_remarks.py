@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from eha_bench.core.errors import InputError
@@ -30,3 +32,14 @@ def test_a_parameter_is_calibrated_once() -> None:
 def test_a_parameter_beyond_any_machine_is_refused(mass: str | float) -> None:
     with pytest.raises(InputError, match=r"load_mass': .* is beyond any machine: check its unit"):
         load_model({"model": "eha_knee", "parameters": {"load_mass": mass}})
+
+
+def test_what_a_list_of_the_models_own_leaves_out_is_named(tmp_path: Path) -> None:
+    (tmp_path / "below.yaml").write_text(
+        "model: eha_knee\ncalibrate: [leakage, rotor_inertia, coulomb_torque]\n"
+    )
+    above = "model: below.yaml\ncalibrate: [leakage]\nper_run: [rotor_inertia]\n"
+    (tmp_path / "above.yaml").write_text(above)
+    (remark,) = remarks(load_model(tmp_path / "above.yaml"))
+    assert remark.startswith("coulomb_torque stay as declared: the model's own list")
+    assert remarks(load_model(tmp_path / "below.yaml")) == []

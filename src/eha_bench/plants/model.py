@@ -56,6 +56,8 @@ class Model:
         within: of those under `calibrate`, what the true value may be off by at most, SI.
         per_run: names of unmeasured parameters that differ from run to run.
         network: what a plant.yaml says, where the plant is not a registered one.
+        held: what the model below has under `calibrate`, where this one has a list of its own
+            without it.
     """
 
     plant_id: str
@@ -65,6 +67,7 @@ class Model:
     within: Mapping[str, float] = field(default_factory=dict)
     per_run: tuple[str, ...] = ()
     network: Mapping[str, Any] | None = None
+    held: tuple[str, ...] = ()
 
     @property
     def plant(self) -> Plant:
@@ -310,7 +313,8 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
             )
     per_run = tuple(dict.fromkeys(layout.key(key) for key in file.per_run)) or base.per_run
     _refuse_weightless(model, file, place)
-    return replace(model, calibrate=tuple(calibrate), within=within, per_run=per_run)
+    held = tuple(key for key in base.calibrate if key not in (*calibrate, *per_run))
+    return replace(model, calibrate=tuple(calibrate), within=within, per_run=per_run, held=held)
 
 
 def _refuse_weightless(model: Model, file: ModelFile, place: Callable[..., Place]) -> None:

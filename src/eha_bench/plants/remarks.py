@@ -1,4 +1,4 @@
-"""What a model may say, and hardly means: a wide tolerance, a friction that is less at rest."""
+"""What a model may say, and hardly means: a wide tolerance, a list that leaves out another's."""
 
 from __future__ import annotations
 
@@ -21,7 +21,17 @@ def remarks(model: Model) -> list[str]:
                 f"'{key}' is believed to within {tolerance:g}, {tolerance / value:.3g} times its "
                 f"value of {value:g} (SI); a share is written 'within: {tolerance:g} %'"
             )
-    return [*found, *_rising_friction(model)]
+    return [*found, *held_parameters(model), *_rising_friction(model)]
+
+
+def held_parameters(model: Model) -> list[str]:
+    """Say which parameters a model's own list under `calibrate` leaves at their declared values."""
+    if not model.held:
+        return []
+    return [
+        f"{', '.join(model.held)} stay as declared: the model's own list under `calibrate` stands "
+        "for that of the model below it, which has them; list them too where they may be off"
+    ]
 
 
 def _rising_friction(model: Model) -> Iterator[str]:

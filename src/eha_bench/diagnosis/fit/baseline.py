@@ -47,6 +47,7 @@ from eha_bench.diagnosis.fit.starts import MultistartFit, best_fit_of_starts
 from eha_bench.diagnosis.fit.steady_windows import steady_problem, unsteady_notes
 from eha_bench.diagnosis.fit.stretched_steps import is_stiffer, with_stretched_steps
 from eha_bench.diagnosis.fit.telling_windows import note_of, telling_windows
+from eha_bench.plants.remarks import held_parameters
 
 STEP = 2e-4
 """Integration step of fits, s: five a tick at 1 kHz; its error is below 0.1 of usual noise."""
@@ -154,7 +155,11 @@ def gather(
         )
     windows = [window for item in measured for window in cut_windows(item, noise)]
     windows = thinned_windows(windows)
-    notes = [*dataset.notes, *(f"a training run is left out: {error}" for error in unread)]
+    notes = [
+        *dataset.notes,
+        *(f"CAUTION: {remark}" for remark in held_parameters(dataset.model)),
+        *(f"a training run is left out: {error}" for error in unread),
+    ]
     ends = plant.position_range(dataset.model.vector())
     notes += beyond_ends(measured, ends, plant.units)
     notes += [
