@@ -311,6 +311,7 @@ class Improvement:
             that is less and above 0.01; or of most blocks' gain, where few lose what these gain.
         runs_better: share of the runs (by count) that gain when left out, of those it changes.
         explained_out: gain_out as a part of the excess before on the same runs left out, at most 1.
+        of_noise: the lesser gain over the noise's cost of all readings.
     """
 
     gain: float
@@ -320,6 +321,7 @@ class Improvement:
     p_value: float
     runs_better: float
     explained_out: float
+    of_noise: float = 0.0
 
 
 NOT_COMPARED = Improvement(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
@@ -385,4 +387,5 @@ def compare(
         p_value,
         better,
         gain_out / scale_out,
+        min(gain, gain_out) / (SOFT_MEAN * max(before.residual.size, 1)),
     )

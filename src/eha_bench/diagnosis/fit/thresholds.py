@@ -53,7 +53,8 @@ class Thresholds:
     )
     doubled: float = _threshold(
         1.0,
-        "excess, in the noise's cost, from which a structure of `clear` is enough",
+        "excess, in the noise's cost, from which a structure of `clear` is enough, and gain that is "
+        "plain, however few the readings are",
         "twice the noise is no nearly right model; `structure` grows with the number of readings, "
         "and a log of 150 reaches 7.7 at four times the noise",
     )
@@ -283,7 +284,8 @@ class Thresholds:
     def is_sure(self, found: Improvement) -> bool:
         """Whether a gain is no accident, on runs left out."""
         all_of_it = min(found.share, found.share_out) > self.nearly_all
-        plain = min(found.gain, found.gain_out) > self.plain
+        # a short log holds little cost, however far its errors are above the noise
+        plain = min(found.gain, found.gain_out) > self.plain or found.of_noise > self.doubled
         return found.p_value < (self.p_few if all_of_it and plain else self.p_value)
 
     def still_allow(self, found: Improvement, before: Improvement) -> bool:

@@ -84,13 +84,34 @@ def decide(
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:
         return _beside_a_remainder(search, share, step, progress, notes)
-    found = _unknown(search, step, progress, tuple(notes))
+    found = _unknown(search, step, progress, (*notes, *_seen_too_seldom(search)))
     assert found.unknown is not None
     placed = placed_by_refusals(found.unknown, refused, limits)
     if placed is found.unknown:
         return found
     # a curve in another balance is no part of the revised model
     return replace(found, unknown=placed, learned=False, fit=search.fit)
+
+
+def _seen_too_seldom(search: Search) -> list[str]:
+    """Say which effect would explain most of it, but in too few stretches to be sure."""
+    limits = search.thresholds
+    likely = [
+        item
+        for item in search.ranking
+        if item.refitted
+        and not item.candidate.startswith("parameter:")
+        and item.score > limits.explained
+        and limits.p_value <= item.p_value < limits.likely
+    ]
+    if not likely:
+        return []
+    best = max(likely, key=lambda item: item.score)
+    return [
+        f"{best.candidate} would explain {per_cent(best.score)} of what is missing, but shows in too "
+        f"few stretches of these runs to be sure (probability of chance {best.p_value:.2g}, and "
+        f"{limits.p_value:g} is asked for): record more of them, or longer ones"
+    ]
 
 
 def _remaining(after: float, before: float) -> str:

@@ -44,6 +44,8 @@ from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.model import Model
 from eha_bench.plants.parameter import Parameter
 
+_MUCH = 0.25
+"""Share of the excess from which a candidate that may be chance is worth another recording."""
 _OPPOSITE = 0.05
 """Relative difference of two values whose signs alone differ."""
 
@@ -358,10 +360,10 @@ def _why(item: RankedCandidate, best: float, most: float, *, others: bool) -> st
     if item.score <= 0.0:
         return "refitted with all parameters, it is no better on runs left out of the fit"
     behind = f", where the best explains {per_cent(min(best, 1.0), 1)}" if best > item.score else ""
-    chance = (
-        ""
-        if item.p_value < most
-        else f"; by chance with a probability of {item.p_value:.2g}, and {most:g} is asked for"
-    )
+    chance = ""
+    if not item.p_value < most:
+        chance = f"; by chance with a probability of {item.p_value:.2g}, and {most:g} is asked for"
+        if item.score > _MUCH:
+            chance += ": it shows in few stretches, and longer or more runs would tell"
     share = per_cent(item.score, 1)
     return f"refitted, it explains {share} of the excess error on runs left out{behind}{chance}"

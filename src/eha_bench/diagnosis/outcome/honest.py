@@ -99,10 +99,31 @@ def against_the_end(search: Search, found: Diagnosis) -> Refusal | None:
         if len(search.effects) > 1 and _may_be_nothing(search, item, found):
             reason = "its interval holds zero beside the others, and its gain is not clear"
             return Refusal(item, reason)
+    least = min(search.effects, key=lambda item: item.comparison.gain, default=None)
+    if least is None:
+        return None
     if reason := worse(found, search.thresholds):
-        item = min(search.effects, key=lambda item: item.comparison.gain)
-        return Refusal(item, reason + _of_lost_phase(search, item, vector))
+        return Refusal(least, reason + _of_lost_phase(search, least, vector))
+    if reason := _at_no_minimum(search, found):
+        return Refusal(least, reason)
     return None
+
+
+def _at_no_minimum(search: Search, found: Diagnosis) -> str:
+    """Say that a fit is on its way, far above the noise, and borne out by no other run; or nothing.
+
+    Of a measured machine much remains, and its cost is rough: there runs that were never fitted
+    bear out what was found.
+    """
+    ended, left = found.convergence, search.excess_left
+    checked = any(errors for errors in (found.holdout, found.unseen))
+    if ended is None or ended.converged or checked or not search.thresholds.is_much(left):
+        return ""
+    return (
+        f"the fit with it is {ended.distance:.2g} standard deviations from a minimum, leaves "
+        f"{1.0 + left.relative:.3g} times the noise's mean square, and no run is held out that "
+        "would bear it out"
+    )
 
 
 def against_second(search: Search, second: str, found: Diagnosis) -> Refusal | None:
