@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,20 @@ def test_a_load_that_differs_is_found_with_its_value_in_each_run(tmp_path: Path)
     assert "-2.999 in 1" in found.note
 
 
+def test_parts_of_one_log_do_not_differ(tmp_path: Path) -> None:
+    base = calibrated(tmp_path, [2.0, -3.0, 5.0], [0.0, 0.0, 0.0])
+    log = base.measured[0].run.log
+    parts = tuple(replace(item, run=replace(item.run, log=log)) for item in base.measured)
+    assert differing(replace(base, measured=parts)) is None
+
+
+@pytest.mark.slow  # two whole calibrations
+def test_a_mass_of_no_such_machine_is_not_suggested(tmp_path: Path) -> None:
+    heavy = PLANT.replace("mass: 0 kg", "mass: 0.1 kg")
+    found = differing(calibrated(tmp_path, [0.0, 0.0, 0.0], [0.1, 6.1, 0.1], heavy))
+    assert found is None
+
+
 @pytest.mark.slow  # a whole calibration
 def test_a_mass_that_was_bolted_on_in_one_run_is_found(tmp_path: Path) -> None:
     found = differing(calibrated(tmp_path, [0.0, 0.0, 0.0], [0.0, 6.0, 0.0]))
@@ -109,12 +124,14 @@ def test_friction_that_falls_from_run_to_run_is_found_with_its_values(tmp_path: 
 def test_friction_and_leakage_that_differ_are_one_sentence() -> None:
     values = {
         "damper.viscous": {"first": 40.0, "second": 30.0},
-        "gap.conductance": {"first": 1e-12},
+        "gap.conductance": {"first": 1e-12, "second": 2e-12},
+        "gap.turbulent": {"first": 1.00e-9, "second": 1.01e-9},
     }
-    units = {"damper.viscous": "N*s/m", "gap.conductance": "m^3/(s*Pa)"}
+    units = {"damper.viscous": "N*s/m", **dict.fromkeys(("gap.conductance", "gap.turbulent"), "SI")}
     note = DifferingParameters(values, units, 0.97).note
     assert note.startswith("friction and leakage seem to differ from run to run, as with oil that")
     assert "damper.viscous, N*s/m: 40 in first, 30 in second; gap.conductance" in note
+    assert "gap.turbulent" not in note  # which is the same in both
     assert "97 % of what is missing goes" in note
 
 

@@ -151,7 +151,8 @@ def test_the_ranking_is_what_was_added_then_refitted_then_the_rest() -> None:
         "added",
         "fits as well as the effect that was added",
         "refitted, it explains 30.0 % of the excess error on runs left out, where the best "
-        "explains 80.0 %; by chance with a probability of 0.2, and 0.001 is asked for",
+        "explains 80.0 %; by chance with a probability of 0.2, and 0.001 is asked for: it shows in "
+        "few stretches, and longer or more runs would tell",
         "refitted with all parameters, it is no better on runs left out of the fit",
         "one simulation predicts that it explains 40.0 % of the excess error; others promise more, "
         "so it was not refitted",

@@ -53,8 +53,8 @@ class Thresholds:
     )
     doubled: float = _threshold(
         1.0,
-        "excess, in the noise's cost, from which a structure of `clear` is enough, and gain that is "
-        "plain, however few the readings are",
+        "excess, in the noise's cost, from which a structure of `clear` is enough, and gain that "
+        "is plain, however few the readings are",
         "twice the noise is no nearly right model; `structure` grows with the number of readings, "
         "and a log of 150 reaches 7.7 at four times the noise",
     )

@@ -108,9 +108,9 @@ def _seen_too_seldom(search: Search) -> list[str]:
         return []
     best = max(likely, key=lambda item: item.score)
     return [
-        f"{best.candidate} would explain {per_cent(best.score)} of what is missing, but shows in too "
-        f"few stretches of these runs to be sure (probability of chance {best.p_value:.2g}, and "
-        f"{limits.p_value:g} is asked for): record more of them, or longer ones"
+        f"{best.candidate} would explain {per_cent(best.score)} of what is missing, but shows in "
+        f"too few stretches of these runs to be sure (probability of chance {best.p_value:.2g}, "
+        f"and {limits.p_value:g} is asked for): record more of them, or longer ones"
     ]
 
 

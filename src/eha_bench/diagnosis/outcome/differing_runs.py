@@ -14,7 +14,7 @@ is much are the parameters fitted again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -34,6 +34,10 @@ _NEARLY_ALL: Final = 0.9
 """Share that leaves nothing for another parameter to explain."""
 _ENOUGH: Final = 0.5
 """Share of what is missing that goes, from which the runs differ."""
+_ALIKE: Final = 0.05
+"""Spread of a parameter over the runs, as a share of its size, up to which it does not differ."""
+_ABSURD: Final = 10.0
+"""Multiple of a declared size beyond which a value is of no such machine: it imitates."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +61,15 @@ class DifferingParameters:
     @property
     def note(self) -> str:
         """What they are and how they are declared, as a sentence."""
+        differing = {key: runs for key, runs in self.values.items() if _spread(runs) > _ALIKE}
+        differing = differing or self.values
         said = "; ".join(
             f"{key}, {self.units[key]}: "
             + ", ".join(f"{value:.4g} in {run}" for run, value in runs.items())
-            for key, runs in self.values.items()
+            for key, runs in differing.items()
         )
-        alone = len(self.values) == 1
-        what = next(iter(self.values)) if alone else "friction and leakage"
+        alone = len(differing) == 1
+        what = next(iter(differing)) if alone else "friction and leakage"
         verb, own, them = (
             ("seems", "a value of its own", "it")
             if alone
@@ -77,6 +83,12 @@ class DifferingParameters:
         )
 
 
+def _spread(runs: Mapping[str, float]) -> float:
+    """Return how far values of the runs lie apart, as a share of the largest."""
+    largest = max(map(abs, runs.values()))
+    return (max(runs.values()) - min(runs.values())) / largest if largest > 0.0 else 0.0
+
+
 def differing_parameters(base: Baseline, missing: Excess) -> DifferingParameters | None:
     """Return the parameters whose differences between runs explain what is missing, if any.
 
@@ -84,6 +96,9 @@ def differing_parameters(base: Baseline, missing: Excess) -> DifferingParameters
         base: calibrated, with one value for all runs. missing: what is left beside it.
     """
     model = base.dataset.model
+    if len({item.run.log for item in base.measured}) < 2:
+        # what is bolted on, and the oil, stay the same within one log
+        return None
     single = [(key,) for key in model.plant.changed_between_runs if key not in model.per_run]
     together = tuple(
         key
@@ -116,6 +131,13 @@ def _found(
             for key in keys
         }
         layout = own.plant.layout
+        declared = {key: abs(base.dataset.model.value(key)) for key in keys}
+        if any(
+            abs(value) > _ABSURD * declared[key] > 0.0
+            for key, runs in values.items()
+            for value in runs.values()
+        ):
+            continue
         yield DifferingParameters(values, {key: layout.by_key[key].unit for key in keys}, share)
         if share >= _NEARLY_ALL:
             return
