@@ -46,6 +46,9 @@ _CONTINUOUS = (
 _LOUD = 6.0
 """Mean square of a residual, in the noise's, from which it tells nothing of a lead: a wrong model's
 errors have some of every shape. It is asked again beside what was found."""
+_PART = 0.3
+"""Part of what is left beyond the noise that a lead takes, as well: beside a cause that is not found
+yet it would take a few per cent, and bias what is found then."""
 _ROUNDS = 3
 _THERE = 0.01
 """Change of a lead up to which it has arrived."""
@@ -79,7 +82,8 @@ def command_leads(problem: Problem, fit: Fit) -> tuple[dict[str, float], Problem
         # fit that stopped short of its bottom with a lag too long
         alone = levenberg_marquardt(_with(problem, found, best), best.vector, best.free)
         little = _squares(best) < _LOUD * best.residual.size
-        if little and _squares(best) < _squares(alone) - _GAIN:
+        beyond = _squares(alone) - alone.residual.size
+        if little and _squares(alone) - _squares(best) > max(_GAIN, _PART * beyond):
             found[name] = period_of(share, tick)
             fit = best
     if not found:
