@@ -89,8 +89,11 @@ def test_no_interval_where_much_is_left():
     assert found.ratio == pytest.approx(3.0, rel=0.05)
     assert found.converged
     assert not found.has_intervals
-    assert "2.99 times its floor" in found.notes()[0]
+    assert "after calibration the residual is 2.99 times its floor" in found.notes()[0]
     assert "no interval" in found.notes()[0]
+    assert found.notes(["sensor_lag", "the learned curve"])[0].startswith(
+        "with sensor_lag and the learned curve the residual is 2.99 times its floor: something else"
+    )
 
 
 def test_a_parameter_at_its_bound_holds_no_fit_up_and_is_told():

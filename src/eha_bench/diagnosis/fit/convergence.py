@@ -8,7 +8,7 @@ residual as it is. Parameters that stand at a bound, and would go beyond, do not
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -59,18 +59,25 @@ class Convergence:
         """Whether the fit says how well it knows what it found."""
         return self.converged and self.ratio <= MOST
 
-    def notes(self) -> list[str]:
-        """Say what a reader has to know, one sentence each."""
+    def notes(self, added: Sequence[str] = ()) -> list[str]:
+        """Say what a reader has to know, one sentence each.
+
+        Args:
+            added: to the calibrated model, of which the fit is then.
+        """
+        fitted = f"the fit with {' and '.join(added)}" if added else "the calibration"
+        after = f"with {' and '.join(added)}" if added else "after calibration"
         found = []
         if not self.converged:
             found.append(
-                f"the calibration has not converged: from {self.starts} start(s) the best end is "
+                f"{fitted} has not converged: from {self.starts} start(s) the best end is "
                 f"{self.distance:.2g} standard deviations from a minimum; no interval is given"
             )
         if self.ratio > MOST:
             found.append(
-                f"after calibration the residual is {self.ratio:.3g} times its floor: something "
-                "is missing, or the fit ended in a local minimum; no interval is given"
+                f"{after} the residual is {self.ratio:.3g} times its floor: something "
+                f"{'else ' if added else ''}is missing, or the fit ended in a local minimum; no "
+                "interval is given"
             )
         return found
 

@@ -113,7 +113,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     notes += _notes_of_other_numbers(search)
     notes += lateness_note(late)
     notes += decision.notes
-    notes += ended.notes()
+    notes += ended.notes(["the learned curve" if name == LEARNED else name for name in added])
     notes += moved_notes(
         model, {key: float(fit.vector[layout.index[key]]) for key in keys if key in layout.index},
         ended.at_bounds,
