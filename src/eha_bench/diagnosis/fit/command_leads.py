@@ -47,8 +47,8 @@ _LOUD = 6.0
 """Mean square of a residual, in the noise's, from which it tells nothing of a lead: a wrong model's
 errors have some of every shape. It is asked again beside what was found."""
 _PART = 0.3
-"""Part of what is left beyond the noise that a lead takes, as well: beside a cause that is not found
-yet it would take a few per cent, and bias what is found then."""
+"""Part of what is left beyond the noise that a lead takes, as well: beside a cause that is not
+found yet it would take a few per cent, and bias what is found then."""
 _ROUNDS = 3
 _THERE = 0.01
 """Change of a lead up to which it has arrived."""
