@@ -25,7 +25,7 @@ from eha_bench.diagnosis.outcome.decide import (
 )
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.outcome.refusal import Refusal, placed_by_refusals
-from eha_bench.diagnosis.search.state import Accepted, Search
+from eha_bench.diagnosis.search.state import Accepted, RankedCandidate, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.places import Template
 
@@ -434,3 +434,36 @@ def test_a_curve_in_another_balance_than_the_refused_effect_is_left_out(curves: 
     assert told.unknown is not None
     assert (told.unknown.equation, told.learned) == ("actuation", False)
     assert told.fit is state.fit
+
+
+@pytest.mark.parametrize(
+    ("score", "p_value", "gain", "is_said"),
+    [
+        (0.9, 0.003, 100.0, True),
+        (0.4, 0.003, 100.0, False),  # it would leave most
+        (0.9, 1e-9, 100.0, False),  # sure, and refused for another reason
+        (0.9, 0.3, 100.0, False),  # chance
+        (0.9, 0.003, 20.0, False),  # a share of next to nothing
+    ],
+)
+def test_what_shows_in_too_few_stretches_is_said(
+    score: float, p_value: float, gain: float, is_said: bool
+) -> None:
+    state = search(0.07, beyond(0.02))
+    state.ranking = [
+        RankedCandidate("command_delay", score, p_value, state.base.cost - gain, 0.0, True),
+        RankedCandidate("parameter:motor.torque_constant", 1.0, 0.003, -500.0, 0.0, True),
+        RankedCandidate("current_lag", 1.0, 0.003, -500.0, 0.0, False),
+    ]
+    decision = decide(state, 1e-3, no_progress)
+    assert decision.verdict is Verdict.NONE
+    told = [note for note in decision.notes if "too few stretches" in note]
+    assert told == (
+        [
+            "command_delay would explain 90 % of what is missing, but shows in too few stretches "
+            "of these runs to be sure (probability of chance 0.003, and 0.001 is asked for): "
+            "record more of them, or longer ones"
+        ]
+        if is_said
+        else []
+    )

@@ -81,6 +81,7 @@ def decide(
                 "that has no structure in time: single outliers, or more noise than estimated, "
                 f"mostly of '{worst}'"
             )
+        notes += _seen_too_seldom(search)
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:
         return _beside_a_remainder(search, share, step, progress, notes)
@@ -102,6 +103,7 @@ def _seen_too_seldom(search: Search) -> list[str]:
         if item.refitted
         and not item.candidate.startswith("parameter:")
         and item.score > limits.explained
+        and search.base.cost - item.cost > limits.gain
         and limits.p_value <= item.p_value < limits.likely
     ]
     if not likely:
