@@ -22,6 +22,7 @@ from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.beliefs import Belief
 from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.evidence import Excess, Improvement
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training, unchecked
@@ -260,11 +261,47 @@ def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
     end = replace(
         found(holdout=holdout), revised=SimpleNamespace(vector=lambda: np.array(strengths))
     )
+    little = Excess(1.0, 1000, 0.0, {})
     told = against_the_end(
-        SimpleNamespace(effects=items, thresholds=DEFAULT, problem=NOTHING_REACHED), end
+        SimpleNamespace(
+            effects=items, thresholds=DEFAULT, problem=NOTHING_REACHED, excess_left=little
+        ),
+        end,
     )
     assert (None if told is None else told.item.start.candidate) == refused
     assert told is None or says in told.reason
+
+
+@pytest.mark.parametrize(
+    ("distance", "left", "holdout", "refused"),
+    [
+        (13.0, 5.4e5, {}, True),
+        (1.9, 5.4e5, {}, False),  # it is at its minimum
+        (13.0, 4e3, {}, False),  # of a nearly right model the cost may be rough
+        (13.0, 5.4e5, {"p": error(2.0, 1.0)}, False),  # borne out by a run that it never saw
+    ],
+)
+def test_a_fit_on_its_way_far_above_the_noise_names_nothing(distance, left, holdout, refused):
+    """A cogging of 12 teeth, exactly, where the machine has 7."""
+    import numpy as np
+
+    start = Start("cogging_torque", (), 0, 0.0, 0.02, 0.0, 0.5, ("cogging_torque.amplitude",),
+                  "torque")  # fmt: skip
+    item = Accepted(start, GOOD, ())
+    ended = Convergence(distance, 26.1, 3, 1, {})
+    end = replace(
+        found(holdout=holdout),
+        revised=SimpleNamespace(vector=lambda: np.array([0.03])),
+        convergence=ended,
+    )
+    search = SimpleNamespace(
+        effects=[item], thresholds=DEFAULT, problem=NOTHING_REACHED,
+        excess_left=Excess(left, 1000, 50.0, {}),
+    )  # fmt: skip
+    told = against_the_end(search, end)
+    assert (told is not None) is refused
+    if told is not None:
+        assert "is 13 standard deviations from a minimum, leaves " in told.reason
 
 
 @pytest.mark.parametrize(

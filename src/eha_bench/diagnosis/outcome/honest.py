@@ -115,9 +115,11 @@ def _at_no_minimum(search: Search, found: Diagnosis) -> str:
     Of a measured machine much remains, and its cost is rough: there runs that were never fitted
     bear out what was found.
     """
-    ended, left = found.convergence, search.excess_left
-    checked = any(errors for errors in (found.holdout, found.unseen))
-    if ended is None or ended.converged or checked or not search.thresholds.is_much(left):
+    ended = found.convergence
+    if ended is None or ended.converged or found.holdout or found.unseen:
+        return ""
+    left = search.excess_left
+    if not search.thresholds.is_much(left):
         return ""
     return (
         f"the fit with it is {ended.distance:.2g} standard deviations from a minimum, leaves "
