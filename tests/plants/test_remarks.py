@@ -43,3 +43,14 @@ def test_what_a_list_of_the_models_own_leaves_out_is_named(tmp_path: Path) -> No
     (remark,) = remarks(load_model(tmp_path / "above.yaml"))
     assert remark.startswith("coulomb_torque stay as declared: the model's own list")
     assert remarks(load_model(tmp_path / "below.yaml")) == []
+
+
+@pytest.mark.parametrize("names", [["a"], ["a", "b"], ["a", "b", "c"]])
+def test_models_in_a_circle_are_refused(tmp_path: Path, names: list[str]) -> None:
+    for name, other in zip(names, [*names[1:], names[0]], strict=True):
+        (tmp_path / f"{name}.yaml").write_text(f"model: {other}.yaml\n")
+    with pytest.raises(InputError, match=r"a\.yaml:1, key 'model': models stand on .* circle: a"):
+        load_model(tmp_path / "a.yaml")
+    (tmp_path / "above.yaml").write_text("model: a.yaml\n")
+    with pytest.raises(InputError, match="in a circle: a"):
+        load_model(tmp_path / "above.yaml")

@@ -359,12 +359,40 @@ def _base(file: ModelFile, content: Any, name: str, place: Callable[..., Place])
         plant = plant_of(content, place)
         return Model(plant.id, network=plant.network.source)
     if file.model.endswith((".yaml", ".yml")):
-        return load_model(yaml_file.named_file(Path(name).parent, file.model, place("model")))
+        below = yaml_file.named_file(Path(name).parent, file.model, place("model"))
+        _refuse_circle(Path(name), below, place("model"))
+        return load_model(below)
     try:
         get_plant(file.model)
     except PluginError as error:
         raise InputError(error.what, where=place("model"), hint=error.hint) from error
     return Model(file.model)
+
+
+def _refuse_circle(above: Path, below: Path, where: Place) -> None:
+    """Refuse models that stand on one another in a circle.
+
+    Raises:
+        InputError: they do, with their names.
+    """
+    from eha_bench.core import yaml_file
+
+    chain, path = [above.resolve()], below.resolve()
+    while path not in chain:
+        chain.append(path)
+        content = yaml_file.load(path)
+        model = content.get("model") if isinstance(content, Mapping) else None
+        if not (isinstance(model, str) and model.endswith((".yaml", ".yml"))):
+            return
+        path = (path.parent / model).resolve()
+        if not path.is_file():
+            return  # said when it is loaded
+    names = ", ".join(item.name for item in chain[chain.index(path) :])
+    raise InputError(
+        f"models stand on one another in a circle: {names}",
+        where=where,
+        hint="one of them names a plant",
+    )
 
 
 def parse_parameter(layout: Layout, key: str, raw: Any, where: Place) -> float:

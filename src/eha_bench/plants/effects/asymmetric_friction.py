@@ -45,7 +45,8 @@ EFFECT = Effect(
     ),
     separate=(
         "move both ways at the same speeds without load: friction then differs by direction, a "
-        "sensor's offset does not matter"
+        "sensor's offset does not matter; a constant load (a weight on a drum) looks the same in "
+        "motion, and pulls at rest as well"
     ),
     starts=(
         {"asymmetry": -0.1, "kind": _DRY},
