@@ -187,3 +187,5 @@ def test_late_stamps_are_no_effect_but_a_property_of_the_log() -> None:
         "property of the log, not an effect"
     ]
     assert lateness_note({}) == []
+    (note,) = lateness_note({"adc": Estimate(-2e-3, -2e-3, 2e-3, "s")})
+    assert note.startswith("CAUTION: the stamps of 'adc' are late or early by 2 ms, the most that")

@@ -15,7 +15,7 @@ from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
 from eha_bench.diagnosis.fit.finish import ConvergedFit, converged_fit
 from eha_bench.diagnosis.fit.friction_at_rest import friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit
-from eha_bench.diagnosis.fit.own_parameters import LATENESS, Places
+from eha_bench.diagnosis.fit.own_parameters import LATENESS, LATEST, Places
 from eha_bench.diagnosis.fit.profile import profile_deviation
 from eha_bench.diagnosis.fit.refitted_profile import strength_interval
 from eha_bench.diagnosis.fit.uncertainty import (
@@ -46,6 +46,8 @@ from eha_bench.plants.parameter import Parameter
 
 _MUCH = 0.25
 """Share of the excess from which a candidate that may be chance is worth another recording."""
+_AT_MOST = 0.99
+"""Share of the largest lateness from which a clock stands there."""
 _OPPOSITE = 0.05
 """Relative difference of two values whose signs alone differ."""
 
@@ -237,9 +239,13 @@ def lateness_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[s
 
 
 def lateness_note(lateness: Mapping[str, Estimate]) -> list[str]:
-    """Say by how much stamps are late."""
+    """Say by how much stamps are late, and where that is the most that they are taken to be."""
     return [
-        f"the stamps of '{clock}' are {1e3 * item.value:.3g} ms late "
+        f"CAUTION: the stamps of '{clock}' are late or early by {1e3 * LATEST:g} ms, the most that "
+        "is looked for: check its clock against that of the inputs; a lag of what it reads may be "
+        "no more than that"
+        if abs(item.value) > _AT_MOST * LATEST
+        else f"the stamps of '{clock}' are {1e3 * item.value:.3g} ms late "
         f"({1e3 * item.low:.3g} to {1e3 * item.high:.3g} ms) against those of the inputs: a "
         "property of the log, not an effect"
         for clock, item in lateness.items()
