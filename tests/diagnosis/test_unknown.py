@@ -288,7 +288,7 @@ def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch)
     left = Excess(1e4, 1000, 50.0, {})
     search = cast("Search", SimpleNamespace(
         excess_left=left, excess_base=left, effects=[], fit=None, is_unexplained=True,
-        thresholds=DEFAULT, share_left=1.0,
+        thresholds=DEFAULT, share_left=1.0, ranking=[],
         problem=SimpleNamespace(plant=None),
     ))  # fmt: skip
     monkeypatch.setattr(decide_module, "places_of", lambda _: ("somewhere",))

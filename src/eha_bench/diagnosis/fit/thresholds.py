@@ -7,6 +7,7 @@ happens where one is halved or doubled, and writes `docs/thresholds.md`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
@@ -53,8 +54,8 @@ class Thresholds:
     )
     doubled: float = _threshold(
         1.0,
-        "excess, in the noise's cost, from which a structure of `clear` is enough, and gain that "
-        "is plain, however few the readings are",
+        "excess, in the noise's cost, from which a structure as sure as `gain` is enough, and gain "
+        "that is plain, however few the readings are",
         "twice the noise is no nearly right model; `structure` grows with the number of readings, "
         "and a log of 150 reaches 7.7 at four times the noise",
     )
@@ -225,7 +226,7 @@ class Thresholds:
 
     def has_structure(self, rest: Excess) -> bool:
         """Whether a residual has structure in time, which a wrong level of the noise has not."""
-        least = self.clear if rest.relative > self.doubled else self.structure
+        least = math.sqrt(self.gain) if rest.relative > self.doubled else self.structure
         return rest.significance > least
 
     def is_worth_a_look(self, rest: Excess) -> bool:

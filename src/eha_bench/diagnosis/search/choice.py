@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from eha_bench.diagnosis.fit.candidates import SheetNumber, is_drawn
 from eha_bench.diagnosis.fit.evidence import against_beliefs
 from eha_bench.diagnosis.search.bounds import are_inside
-from eha_bench.diagnosis.search.equivalent import is_as_good, tie
+from eha_bench.diagnosis.search.equivalent import CHANCE, is_as_good, tie
 from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.diagnosis.search.yielding import yields_to
 
@@ -21,7 +21,7 @@ def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
     chosen = good[0]
     if (number := _number_of_a_sheet(search, chosen, trials)) is not None:
         return number
-    tied = tie(chosen.comparison.gain, chosen.fit.residual.size)
+    tied = max(CHANCE, tie(chosen.comparison.gain, chosen.fit.residual.size))
     alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
     if parameter := next((item for item in alike if item.start.is_parameter), None):
         # a number that may be declared wrongly is likelier than an effect that does no better

@@ -13,8 +13,8 @@ _FAR = 2.0
 _TIED, _TIED_AT_NOISE = 0.03, 0.003
 """Share of the best one's gain by which a tie may be behind, and of the rows: what is left of the
 noise's size is left to be explained by something else."""
-_CHANCE = 4.0
-"""Fall of the cost that is two standard deviations, and so a tie however few the rows are."""
+CHANCE = 4.0
+"""Fall of the cost that is two standard deviations: a tie of two causes, however few the rows."""
 
 
 def tie(gain: float, rows: int) -> float:
@@ -23,7 +23,7 @@ def tie(gain: float, rows: int) -> float:
     Args:
         gain: of the best one. rows: of the residual.
     """
-    return max(_CHANCE, min(_TIED * gain, _TIED_AT_NOISE * rows))
+    return min(_TIED * gain, _TIED_AT_NOISE * rows)
 
 
 def is_far_above_noise(fit: Fit) -> bool:
