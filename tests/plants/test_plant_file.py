@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from eha_bench.core.errors import InputError
+from eha_bench.core.errors import InputError, Place
 from eha_bench.plants.model import model_from
 from eha_bench.plants.network.file import load_plant
 from eha_bench.plants.network.plant import NetworkPlant
@@ -263,6 +263,25 @@ def test_a_plant_without_its_name_is_asked_for_it(tmp_path: Path) -> None:
         model_from(path)
     assert found.value.where is not None
     assert (found.value.where.file, found.value.where.line) == (str(path), 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key", "way"),
+    [
+        ("channels: {", "foo: 1\nchannels: {", 17, "foo", "known: "),
+        ("channels: {", "channel: {", 17, "channel", "did you mean 'channels'?"),
+        ("elements:", "element:", 8, "element", "did you mean 'elements'?"),
+    ],
+)
+def test_a_key_that_no_plant_has_is_named_where_a_model_is_read(
+    tmp_path: Path, old: str, new: str, line: int, key: str, way: str
+) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text(PLANT.replace(old, new))
+    with pytest.raises(InputError, match=f"unknown key '{key}'") as found:
+        model_from(path)
+    assert found.value.where == Place(str(path), line, key)
+    assert found.value.hint.startswith(way)
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)

@@ -414,7 +414,7 @@ def validate(
         return model.model_validate(plain(content), context=context)
     except ValidationError as error:
         if kind:
-            _refuse_other_kind(content, kind, name)
+            _refuse_other_kind(model, content, kind, name)
         details = error.errors(include_url=False)
         # a value that may be written in several ways is wrong in each of them, and still one
         wrong: dict[tuple[str, ...], Any] = {}
@@ -472,11 +472,15 @@ def _refuse_results(content: Any, name: str) -> None:
         )
 
 
-def _refuse_other_kind(content: Any, kind: str, name: str) -> None:
+def _refuse_other_kind(model: type[BaseModel], content: Any, kind: str, name: str) -> None:
     """Raise an InputError where the content is a file of another kind than the one expected."""
     _refuse_results(content, name)
     found, wanted = kind_by_keys(content), kind_named(kind)
     if found is not None and found.name != kind:
+        # a plant is written with the keys of a model: it is none of another kind
+        telling = found.keys & set(content)
+        if found.model and wanted.model and telling and telling <= model.model_fields.keys():
+            return
         raise InputError(
             f"this is a {found.title}, and a {wanted.title} is expected",
             where=Place(file=name, line=1),
