@@ -36,6 +36,9 @@ SHAPES = {
         }
     ),
 }
+SHAPES["one of a list.json"] = f"[{SHAPES['columns.json']}]"
+INSIDE = {"t": TIME.tolist(), "names": ["hip", "knee"], "present.position": ROWS}
+SHAPES["one of a list inside.json"] = json.dumps({"mass": 1.5, "data": [INSIDE]})
 MAP: dict[str, Any] = {
     "time": {"column": "t"},
     "channels": {
@@ -195,3 +198,32 @@ def test_a_key_of_its_own_in_each_line_is_held_against_the_budget(tmp_path: Path
     path.write_text("\n".join(f'{{"t": {k}, "p": {k}, "k{k}": 1}}' for k in range(6000)))
     with pytest.raises(RecordingError, match="different values each"):
         recordings.read(path, channels=PLAIN)
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        {"t": 0.1, "position": [1.0, 2.0, 3.0]},
+        {"names": ["hip", "knee"], "position": [1.0, 2.0]},
+        {"position": [1.0]},
+    ],
+)
+def test_the_only_record_of_a_list_is_a_sample_where_it_looks_like_one(
+    tmp_path: Path, record: dict[str, Any]
+) -> None:
+    path = written(tmp_path, "log.json", json.dumps([record]))
+    assert "position[0]" in [column.name for column in recordings.info(path).topics]
+
+
+def test_the_only_record_of_a_list_may_hold_columns_beside_text(tmp_path: Path) -> None:
+    data = {"type": "drop", "command": [0.0, 0.0, None, None], "angle": [0.1, 0.2, 0.4, 0.7]}
+    path = written(tmp_path, "log.json", json.dumps({"rate": 50, "data": [data]}))
+    found = recordings.info(path)
+    assert [(column.name, column.count) for column in found.topics] == [
+        ("command", 4),
+        ("angle", 4),
+    ]
+    assert found.metadata == {"json": {"rate": "50", "data.type": "drop"}}
+    entries = {"angle": {"column": "angle", "unit": "rad"}}
+    read = recordings.read(path, channels={"sample_rate": "50 Hz", "channels": entries})
+    assert read["angle"].tolist() == [0.1, 0.2, 0.4, 0.7]

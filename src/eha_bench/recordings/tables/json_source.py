@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ _NUMBER = 8
 """Bytes of a value in a column."""
 _MOST_SAID = 5
 """Damaged lines that are reported one by one."""
+_MOST_ELEMENTS = 100
+"""A list of one record has rarely more elements than this if they are of one sample."""
 _DEEPEST = 40
 _TOPIC = "topic"
 """Where every line of JSON lines has this key, each topic is a group with its own clock."""
@@ -34,9 +37,10 @@ class JsonSource(GroupedTable):
     """A JSON file.
 
     Read are: one object a line; a list of objects (or of lists); an object of lists, each a
-    column; and any of the latter inside objects, as groups. An element of a list is
-    `position[0]`, or `position[elbow]` where a list of names (`names`, `joint_names`) is next to
-    it; a value inside an object is `state.position`. What is a single value is metadata.
+    column; and any of the latter inside objects, as groups. A list of one object of lists is read
+    as that object. An element of a list is `position[0]`, or `position[elbow]` where a list of
+    names (`names`, `joint_names`) is next to it; a value inside an object is `state.position`. What
+    is a single value is metadata.
     """
 
     def __init__(self, path: Path) -> None:
@@ -116,7 +120,7 @@ class JsonSource(GroupedTable):
         """Take all that the text holds; return the name of its form."""
         start = _after_blanks(text, 0)
         if text[start] == "[":
-            self._take_list(text, start)
+            self._take_list("", self._elements(text, start), 0)
             return "json"
         first, end = self._one(text, start)
         second = _after_blanks(text, text.find("\n", start) + 1 or len(text))
@@ -132,20 +136,16 @@ class JsonSource(GroupedTable):
         self._take_lines(text, start)
         return "jsonl"
 
-    def _take_list(self, text: str, start: int) -> None:
-        """Take the elements of a list one by one, so that they are not all in memory at once."""
+    def _elements(self, text: str, start: int) -> Iterator[Any]:
+        """Yield the elements of a list one by one, so that they are not all in memory at once."""
         position = _after_blanks(text, start + 1)
-        rows = self._group("")
         while position < len(text) and text[position] != "]":
             budget().tick()
             element, end = self._one(text, position)
             if end is None:
                 self._tear(text, position, str(element))
                 return
-            if isinstance(element, (dict, list)):
-                rows.add(element)
-            else:
-                rows.add([element])
+            yield element
             position = _after_blanks(text, end)
             if position < len(text) and text[position] == ",":
                 position = _after_blanks(text, position + 1)
@@ -155,6 +155,16 @@ class JsonSource(GroupedTable):
             self._tear(text, position, "the list is not closed")
         elif _after_blanks(text, position + 1) < len(text):
             self._tear(text, position + 1, "there is something after the list")
+
+    def _take_list(self, path: str, elements: Iterator[Any], depth: int) -> None:
+        """Take the elements of a list, each a record; a single one may hold columns instead."""
+        ahead = list(islice(elements, 2))
+        if len(ahead) == 1 and _holds_columns(ahead[0]):
+            self._walk(path, ahead[0], depth)
+            return
+        rows = self._group(path)
+        for element in chain(ahead, elements):
+            rows.add(element if isinstance(element, (dict, list)) else [element])
 
     def _take_lines(self, text: str, position: int) -> None:
         """Take one document after the other; a damaged line is left out, the others are whole."""
@@ -225,9 +235,7 @@ class JsonSource(GroupedTable):
                 case dict():
                     self._walk(here, inner, depth + 1)
                 case [dict(), *_]:
-                    group = self._group(here)
-                    for record in inner:
-                        group.add(record if isinstance(record, (dict, list)) else [record])
+                    self._take_list(here, iter(inner), depth + 1)
                 case list():
                     self._column(path, key, inner)
                 case _:
@@ -279,6 +287,28 @@ class JsonSource(GroupedTable):
         self._counted = position, line
         rest = "; everything before was read" if last else "; this line was left out"
         self._notes.append(f"it is damaged or torn in line {line} ({reason}){rest}")
+
+
+def _holds_columns(record: Any) -> bool:
+    """Whether the only record of a list holds columns of samples, and is no sample itself.
+
+    A sample has numbers of its own (its time), or names for the elements of its lists; both may
+    stand beside columns, which are longer then.
+    """
+    if not isinstance(record, dict):
+        return False
+    longest = max((len(value) for value in record.values() if _is_series(value)), default=0)
+    beside = any(
+        isinstance(value, (bool, int, float)) or (isinstance(value, list) and lists_names(key))
+        for key, value in record.items()
+    )
+    return longest >= (_MOST_ELEMENTS if beside else 2)
+
+
+def _is_series(value: Any) -> bool:
+    return isinstance(value, list) and all(
+        inner is None or isinstance(inner, (bool, int, float, list)) for inner in value
+    )
 
 
 def _after_blanks(text: str, position: int) -> int:
