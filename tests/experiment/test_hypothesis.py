@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from experiment_question import rival, write_question
 
+from eha_bench.core.errors import InputError
 from eha_bench.diagnosis.fit.uncertainty import Covariance
 from eha_bench.diagnosis.outcome.rival import Rival
 from eha_bench.experiment.hypothesis import Hypothesis, read_question, rivals_to_separate
@@ -101,3 +103,22 @@ def test_friction_that_creeps_counts_as_one_that_sticks_too(tmp_path: Path):
     stuck = [item for item in found if item.sticking() is None]
     assert not stuck
     assert [item.id for item in rivals_to_separate(found[:1])] == ["asymmetric_friction"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("parameters", ["drag.sticky", "coulomb_torque"], "has no parameter 'drag.sticky'"),
+        ("matrix", [[-1.0, 0.0], [0.0, 1.0]], "has a negative variance"),
+    ],
+)
+def test_a_diagnosis_that_was_edited_is_refused(
+    tmp_path: Path, key: str, value: list[object], says: str
+) -> None:
+    folder = write_question(tmp_path / "diagnosis", [rival(None)])
+    file = folder / "diagnosis.json"
+    content = json.loads(file.read_text())
+    content["rivals"][0]["covariance"][key] = value
+    file.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=says):
+        read_question(folder)

@@ -240,13 +240,19 @@ def _hypothesis(content: Mapping[str, Any], folder: Path) -> Hypothesis:
     matrix = np.array(covariance["matrix"], dtype=np.float64)
     if not np.isfinite(matrix).all():
         raise ValueError(f"the covariance of '{content['id']}' is not finite")
+    if (np.diag(matrix) < 0.0).any():
+        raise ValueError(f"the covariance of '{content['id']}' has a negative variance")
     keys = tuple(covariance["parameters"])
+    model = load_model(folder / content["model"])
+    strange = [key for key in keys if key.partition("[")[0] not in model.plant.layout.index]
+    if strange:
+        raise ValueError(f"the model of '{content['id']}' has no parameter '{strange[0]}'")
     return Hypothesis(
         content["id"],
         content.get("cause", content["id"]),
         Standing(content["standing"]),
         math.nan if content["behind"] is None else float(content["behind"]),
-        load_model(folder / content["model"]),
+        model,
         keys,
         matrix.reshape(len(keys), len(keys)),
     )
