@@ -45,6 +45,10 @@ class Settled(StrEnum):
     STOPPED = "stopped"
 
 
+_ROUND = "round "
+"""How a note begins that says why rounds stopped."""
+
+
 @dataclass(frozen=True)
 class Round:
     """One diagnosis, and the experiment that followed it.
@@ -183,11 +187,21 @@ def close(
         if number > rounds:
             break
         tell(f"run {number}", 0.0)
-        result = run(suite, target, run_folder(suite), resume=run_folder(suite).exists())
+        try:
+            result = run(suite, target, run_folder(suite), resume=run_folder(suite).exists())
+        except InputError as error:
+            why = f"{_ROUND}{number}: its experiment was not run, {error}"
+            _write(Rounds(Settled.STOPPED, tuple(done), folder, (*notes, why)))
+            raise
         done[-1] = Round(number, place, found.diagnosis, planned, result.status.value)
         _write(Rounds(ending, tuple(done), folder, notes))
         if result.status in (Status.FAULT, Status.INCOMPLETE):
             ending = Settled.STOPPED
+            notes += tuple(
+                f"{_ROUND}{number}: {trial.id} did not finish: {trial.reason}"
+                for trial in result.trials
+                if trial.status in (Status.FAULT, Status.INCOMPLETE) and trial.reason
+            )
             break
         current = dataset_path(suite)
     found_all = Rounds(ending, tuple(done), folder, notes)
@@ -196,11 +210,12 @@ def close(
 
 
 def _notes_of(folder: Path) -> tuple[str, ...]:
-    """Return what was noted when the rounds of a folder were begun."""
+    """Return what was noted when the rounds of a folder were begun; why they stopped is past."""
     file = folder / SUMMARY
     if not file.exists():
         return ()
-    return tuple(json.loads(file.read_text(encoding="utf-8")).get("notes", ()))
+    notes = json.loads(file.read_text(encoding="utf-8")).get("notes", ())
+    return tuple(note for note in notes if not note.startswith(_ROUND))
 
 
 def _beside_the_plant(dataset: Dataset, opened: Target, target: str | Path) -> tuple[str, ...]:

@@ -174,7 +174,11 @@ def close(
         say(
             f"round {item.number}: {item.verdict} ({causes}). {plan[:1].upper()}{plan[1:]}".rstrip()
         )
-    say(f"{found.ending.value.replace('_', ' ')} after {found.bench_seconds:.3g} s of bench time")
+    ended = {
+        Settled.NONE_PERMITTED: "not settled (no further experiment)",
+        Settled.OUT_OF_ROUNDS: "not settled (out of rounds)",
+    }.get(found.ending, found.ending.value)
+    say(f"{ended} after {found.bench_seconds:.3g} s of bench time")
     if json:
         content = found.to_dict()
         typer.echo(json_text.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
