@@ -408,3 +408,37 @@ def test_a_column_that_a_torn_file_lacks_may_be_behind_the_damage(tmp_path: Path
     channels = {"time": {"column": "t"}, "channels": {"force": {"column": "F", "unit": "N"}}}
     with pytest.raises(RecordingError, match=r"no column 'F'; the file is damaged or torn .*: t"):
         recordings.read(path, channels=channels)
+
+
+def _pairs(folder: Path, head: str, shift: float) -> Path:
+    rows = "".join(f"{k},{3 * k},{k + shift},{k * k}\n" for k in range(12))
+    (folder / "pairs.csv").write_text(head + rows)
+    return folder / "pairs.csv"
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.5])
+@pytest.mark.parametrize("end", ["", ","])
+def test_pairs_go_by_the_names_above_them(tmp_path: Path, shift: float, end: str) -> None:
+    path = _pairs(tmp_path, f"Speed,,Current{end}\nX,Y,X,Y\n", shift)
+    entries = {name: {"column": name, "unit": ""} for name in ("Speed", "Current")}
+    found = recordings.read(path, channels={"time": {"column": "X"}, "channels": entries})
+    # the time of each is its own; the recording begins where both are known
+    time = found.time + np.ceil(shift)
+    expected = np.interp(time, np.arange(12) + shift, np.arange(12.0) ** 2)
+    assert found["Speed"] == pytest.approx(3 * time)
+    assert found["Current"] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("head", ["Speed,,Current,\nX,Y,X,Y\n", "X,Y,X,Y\n"])
+def test_pairs_still_go_by_the_line_right_above_the_numbers(tmp_path: Path, head: str) -> None:
+    path = _pairs(tmp_path, head, 0.0)
+    entries = {name: {"column": name, "unit": ""} for name in ("Y", "X.1", "Y.1")}
+    found = recordings.read(path, channels={"time": {"column": "X"}, "channels": entries})
+    assert found["Y"].tolist() == [3 * k for k in range(12)]
+    assert found["X.1"].tolist() == list(range(12))
+    assert found["Y.1"].tolist() == [k * k for k in range(12)]
+
+
+def test_one_x_and_one_y_are_no_pairs(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("Title,\nx,y\n0,1\n1,2\n2,4\n")
+    assert [column.name for column in recordings.info(tmp_path / "log.csv").topics] == ["x", "y"]

@@ -17,6 +17,8 @@ from eha_bench.recordings.track import Track
 
 HOLDS_DATES = "holds dates"
 """What is said of a column that is no number, and may be the clock."""
+IN_PAIRS = "its columns come in pairs of X and Y"
+"""What is said of a table in which an X stands before each column: the time of that one alone."""
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from eha_bench.core.errors import UnitError
 from eha_bench.core.units import base_unit
+from eha_bench.recordings.source import IN_PAIRS
 
 _DELIMITERS = ";\t|,"
 """Tried in this order: a comma may also be a decimal one."""
@@ -45,6 +47,8 @@ class CsvLayout:
         first: line of the first row, from 0.
         trailing: whether rows end with a delimiter that the names do not have.
         notes: what had to be assumed.
+        header: the line right above the numbers, of a table of pairs: `X,Y,X,Y`. Its columns go by
+            the names in the line above it, if there are any, and each X as `name/X`.
     """
 
     delimiter: str
@@ -53,6 +57,7 @@ class CsvLayout:
     first: int
     trailing: bool
     notes: tuple[str, ...]
+    header: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, text: str) -> CsvLayout:
@@ -101,6 +106,13 @@ class CsvLayout:
             )
         else:
             names = _names_in_comment(head[:number], delimiter, cells)
+        header = tuple(names) if _are_pairs(names) else ()
+        if header:
+            above_it = table[left - 1][1] if left else []
+            titles = _titles_of_pairs(above_it, len(names))
+            left -= bool(titles)
+            notes.append(IN_PAIRS + ", named in the line above" * bool(titles))
+            names = _names_of_pairs(titles or names[1::2], names[0])
         if left:
             notes.append(
                 "one line before the table was skipped"
@@ -111,7 +123,7 @@ class CsvLayout:
             names = [str(k) for k in range(cells)]
             notes.append("it has no header line: its columns are called 0, 1, 2, ...")
         decimal = "," if delimiter != "," and re.search(r"\d,\d", text[:100_000]) else "."
-        return cls(delimiter, decimal, tuple(names), number, trailing, tuple(notes))
+        return cls(delimiter, decimal, tuple(names), number, trailing, tuple(notes), header)
 
 
 def _first_row(table: list[tuple[int, list[str]]], cells: int) -> int:
@@ -168,6 +180,40 @@ def _units_row(heads: list[tuple[int, list[str]]], cells: int) -> int | None:
         if _are_units(units) and not _are_units(names):
             return back
     return None
+
+
+def _are_pairs(names: list[str]) -> bool:
+    """Whether names are X, Y, X, Y, ..., as oscilloscopes and Maxon's EPOS Studio write them."""
+    return (
+        len(names) > 2
+        and len(names) % 2 == 0
+        and all(name.lower() == "xy"[place % 2] for place, name in enumerate(names))
+    )
+
+
+def _titles_of_pairs(line: list[str], cells: int) -> list[str]:
+    """Return the name of each pair, from a line with one above each X; none where it has none."""
+    titles, between = line[:cells:2], line[1:cells:2]
+    fits = cells - 1 <= len(line) <= cells
+    return titles if fits and all(titles) and not any(between) else []
+
+
+def _names_of_pairs(titles: list[str], clock: str) -> list[str]:
+    """Return the names of all columns of a table of pairs, each once."""
+    return [name for title in unique_names(titles) for name in (f"{title}/{clock}", title)]
+
+
+def unique_names(names: Sequence[str]) -> list[str]:
+    """Return names of which none stands there twice; as pandas does it."""
+    found: dict[str, None] = {}
+    times: Counter[str] = Counter()
+    for name in names:
+        unique = name
+        while unique in found:
+            times[name] += 1
+            unique = f"{name}.{times[name]}"
+        found[unique] = None
+    return list(found)
 
 
 def _names_in_comment(lines: list[str], delimiter: str, cells: int) -> list[str]:

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
+from eha_bench.recordings.channel_map import TimeColumn
 from eha_bench.recordings.source import HOLDS_DATES
-from eha_bench.recordings.tables.csv_layout import MISSING, CsvLayout, NoTable
+from eha_bench.recordings.tables.csv_layout import MISSING, CsvLayout, NoTable, unique_names
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.tables.times import NotATime, parse_times
+from eha_bench.recordings.track import Stamps
 
 _MOST_TIMES = 12
 """A table takes so many times its size while it is read: as text, twice, and as numbers."""
@@ -33,6 +35,15 @@ class CsvSource(TableSource):
         budget().hold(_MOST_TIMES * path.stat().st_size, "the table")
         self._columns = self._parse(self._text())
         self._often = Counter(self._layout.names)
+        columns = list(self._columns)
+        header = self._layout.header
+        self._by_header = dict(zip(unique_names(header), columns, strict=False))
+        # of each column of a pair its X
+        self._times = {
+            name: columns[place - place % 2] for place, name in enumerate(columns) if header
+        }
+        times = [self._columns[name] for name in columns[::2]] if header else []
+        self._one_time = all(np.array_equal(column, times[0]) for column in times)
 
     @property
     def format(self) -> str:
@@ -41,7 +52,27 @@ class CsvSource(TableSource):
 
     def names(self) -> tuple[str, ...]:
         """Names of the columns; where one stands there again, a number is added to it."""
+        if self._times and self._one_time:
+            return (self._layout.header[0], *list(self._columns)[1::2])
         return tuple(self._columns)
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a column, also by what stands right above its numbers."""
+        return name in self._columns or name in self._by_header
+
+    def group_of(self, name: str) -> str:
+        """Return what shares a clock with a column: the file, or a pair with times of its own."""
+        time = self._times.get(self._own_name(name), "")
+        return self.path if self._one_time or not time else time.rpartition("/")[0]
+
+    def _stamps(self, clock: TimeColumn, group: str) -> Stamps:
+        """Return the stamps by a column; by the X of each pair where that is named."""
+        if not self._one_time and clock.column == self._layout.header[0]:
+            return self._in_nanoseconds(clock, f"{group}/{clock.column}", group)
+        return super()._stamps(clock, group)
+
+    def _own_name(self, name: str) -> str:
+        return name if name in self._columns else self._by_header.get(name, name)
 
     def column(self, name: str) -> NDArray[Any]:
         """Return a column of numbers, shape (n,).
@@ -49,7 +80,7 @@ class CsvSource(TableSource):
         Raises:
             RecordingError: a cell is not a number.
         """
-        column = self._columns[name]
+        column = self._columns[self._own_name(name)]
         again = self._often[name]
         if again > 1:
             self._notes.append(
@@ -67,7 +98,7 @@ class CsvSource(TableSource):
         Raises:
             RecordingError: a cell is none of these.
         """
-        column = self._columns[name]
+        column = self._columns[self._own_name(name)]
         if column.dtype.kind != "O":
             return self.column(name)
         try:
@@ -148,7 +179,11 @@ class CsvSource(TableSource):
             raise RecordingError("the table is empty", where=where, hint="record it again")
         self._lines = frame.index.to_numpy()
         return dict(
-            zip(_unique(layout.names), (frame[k].to_numpy() for k in frame.columns), strict=True)
+            zip(
+                unique_names(layout.names),
+                (frame[k].to_numpy() for k in frame.columns),
+                strict=True,
+            )
         )
 
     def _without_torn_end(self, text: str) -> str:
@@ -216,16 +251,3 @@ def _without_excel_errors(text: str, delimiter: str) -> str:
     between = re.escape(delimiter)
     error = rf'(?<={between})[ ]*"?#[A-Z/0]+[!?]?"?[ ]*(?={between}|$)'
     return re.sub(error, "", text, flags=re.MULTILINE)
-
-
-def _unique(names: tuple[str, ...]) -> list[str]:
-    """Return names of which none stands there twice; as pandas does it."""
-    found: dict[str, None] = {}
-    times: Counter[str] = Counter()
-    for name in names:
-        unique = name
-        while unique in found:
-            times[name] += 1
-            unique = f"{name}.{times[name]}"
-        found[unique] = None
-    return list(found)
