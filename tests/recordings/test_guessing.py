@@ -121,3 +121,84 @@ def test_a_clock_of_nothing_is_none(tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text(first_map(log))
     assert "ASSUMED: no column" in (tmp_path / "map.yaml").read_text()
     assert len(read(log, channels=tmp_path / "map.yaml")) == 3
+
+
+def _written(folder: Path, text: str) -> Path:
+    path = folder / "log.csv"
+    path.write_text(text)
+    return path
+
+
+TICKS = [0.0069, 0.0130, 0.0192, 0.0249, 0.0305, 0.0372, 0.0424, 0.0488, 0.0542, 0.0612]
+
+
+def test_the_only_column_that_rises_is_the_time_of_a_table_without_names(tmp_path: Path) -> None:
+    log = _written(tmp_path, "".join(f"100; {t};{k // 2};-5\n" for k, t in enumerate(TICKS)))
+    text = first_map(log)
+    assert 'time: {column: "1", unit: s}  # guessed: no other column rises' in text
+    assert "its unit is assumed" in text
+    assert 'column: "1"' not in text.partition("channels:")[2]
+    (tmp_path / "map.yaml").write_text(text)
+    found = read(log, channels=tmp_path / "map.yaml")
+    assert found.time == pytest.approx([t - TICKS[0] for t in TICKS])
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "".join(f"{t},{2 * t},5\n" for t in TICKS),  # two rise
+        "".join(f"{k},{k % 2},5\n" for k in range(20)),  # the numbers of the rows
+        "".join(f"{t},3,5\n" for t in TICKS[:5]),  # a few rise by chance
+        "".join(f"{2.0**k},3,5\n" for k in range(20)),  # no clock ticks so
+        "u,v,w\n" + "".join(f"{t},3,5\n" for t in TICKS),  # it has a name, of no time
+    ],
+)
+def test_what_rises_is_not_always_the_time(tmp_path: Path, rows: str) -> None:
+    assert "sample_rate: 1 kHz  # ASSUMED" in first_map(_written(tmp_path, rows))
+
+
+def test_a_name_that_ends_like_a_time_is_one_where_no_other_is(tmp_path: Path) -> None:
+    rows = "".join(f"7;{80 * k};{k};{90 * k}\n" for k in range(5))
+    log = _written(tmp_path, f"idle_time [s];sensor_time [ms];pos_m;motor_time [ms]\n{rows}")
+    text = first_map(log)
+    assert 'time: {column: "sensor_time [ms]", unit: ms}' in text
+    for left in ("idle_time [s]", "motor_time [ms]"):
+        assert f'column: "{left}"' in text.partition("channels:")[2]
+    log = _written(tmp_path, f"idle_time [s];sensor_time [ms];pos_m;time [ms]\n{rows}")
+    assert 'time: {column: "time [ms]", unit: ms}' in first_map(log)
+
+
+@pytest.mark.parametrize(
+    ("column", "line"),
+    [
+        ("cmd volts", 'voltage: {column: "cmd volts", unit: V}'),
+        ("cmd", "current_command: {column: cmd, unit: A}"),
+        ("motor amps", 'current: {column: "motor amps", unit: A}'),
+        ("Boom Ms", 'boom_ms: {column: "Boom Ms", unit: ""}'),
+        ("delay_ms", "delay_ms: {column: delay_ms, unit: ms}"),
+        ("DELAY_MS", "delay_ms: {column: DELAY_MS, unit: ms}"),
+    ],
+)
+def test_a_unit_that_a_name_ends_in(tmp_path: Path, column: str, line: str) -> None:
+    assert line in first_map(_written(tmp_path, f"Time,{column}\n0,1\n0.1,2\n0.2,4\n"))
+
+
+@pytest.mark.parametrize(
+    ("column", "largest", "said"),
+    [("p_a", 114, True), ("p_a", 3e6, False), ("p_a [Pa]", 114, False), ("x", 114, False)],
+)
+def test_a_pressure_that_looks_like_bar_is_said_to(
+    tmp_path: Path, column: str, largest: float, said: bool
+) -> None:
+    text = first_map(_written(tmp_path, f"t,{column}\n0,9\n0.1,{largest}\n0.2,40\n"))
+    assert ("unit assumed: its values, up to 114, look like bar" in text) is said
+
+
+def test_pairs_of_x_and_y_have_their_own_time(tmp_path: Path) -> None:
+    rows = "".join(f"{k},{3 * k},{k + 0.5},{k * k}\n" for k in range(12))
+    log = _written(tmp_path, f"Speed [rpm],,Current [mA],\nX,Y,X,Y\n{rows}")
+    text = first_map(log)
+    assert "time: {column: X, unit: ms}  # guessed: its columns come in pairs of X and Y" in text
+    (tmp_path / "map.yaml").write_text(text)
+    found = read(log, channels=tmp_path / "map.yaml")
+    assert {*found.values} == {"motor_speed", "current"}

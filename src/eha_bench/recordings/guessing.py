@@ -15,7 +15,13 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import Place, RecordingError, UnitError
 from eha_bench.core.units import base_unit, factor_and_offset
 from eha_bench.recordings.budget import OverBudget, budget, spending
-from eha_bench.recordings.clock_guess import NamedClock, best_clock, unlike_their_group
+from eha_bench.recordings.clock_guess import (
+    NamedClock,
+    best_clock,
+    clock_by_values,
+    title,
+    unlike_their_group,
+)
 from eha_bench.recordings.information import RecordingInformation, TopicInformation, info
 from eha_bench.recordings.source import HOLDS_DATES
 from eha_bench.recordings.tables.self_description import named_unit
@@ -50,7 +56,17 @@ _SPELT = {
     "a": "A", "c": "degC", "k": "K", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ma": "mA", "v": "V",
     "mv": "mV", "n": "N", "kn": "kN", "degc": "degC",
 }  # fmt: skip
+_SPELT_OUT = {
+    "volt": "V", "volts": "V", "amp": "A", "amps": "A", "ampere": "A", "amperes": "A",
+    "newton": "N", "newtons": "N", "pascal": "Pa", "pascals": "Pa", "degrees": "deg",
+    "radians": "rad", "metres": "m", "meters": "m",
+}  # fmt: skip
+"""Last words of a name that are its unit, and may tell the channel as well."""
+_BARS = (1.0, 1000.0)
+"""Pressures whose largest value lies between are hardly in Pa."""
 _TIMES = ("time", "timestamp", "t", "stamp", "zeit", "seconds", "sec")
+_OWN_CLOCKS = ("mdf", "ulog", "tdms")
+"""Formats of tables that say themselves when samples were taken."""
 _LIKE = 0.75
 _SHARE = 0.9
 """What equal letters count compared with equal words."""
@@ -71,6 +87,7 @@ class Guess:
         unit: its unit; empty where nothing tells it.
         reason: what the guess stands on.
         likeness: how sure it is, 0 to 1.
+        largest: magnitude of its largest value.
     """
 
     channel: str
@@ -78,6 +95,7 @@ class Guess:
     unit: str
     reason: str
     likeness: float
+    largest: float = 0.0
 
 
 def first_map(path: str | Path) -> str:
@@ -89,7 +107,8 @@ def first_map(path: str | Path) -> str:
     with spending(Path(path)):
         found = info(path)
         table = all(not topic.encoding for topic in found.topics)
-        guesses = _guesses(found, table=table)
+        clock = _clock(found) if table else None
+        guesses = _guesses(found, clock, table=table)
     if not guesses and found.unseen:
         raise OverBudget(
             f"no number was found in the time that a file of this size may take; {found.unseen} "
@@ -105,7 +124,6 @@ def first_map(path: str | Path) -> str:
     ]
     if found.unseen:
         lines.append(f"# {found.unseen} more topics or columns were not looked at")
-    clock = best_clock(_clocks(found), found.topics) if table else None
     if table:
         lines += _clock_lines(found, clock)
     lines.append("channels:")
@@ -123,6 +141,8 @@ def first_map(path: str | Path) -> str:
         unit = guess.unit or (CHANNELS[name].unit if known else "")
         why = guess.reason if known else "no channel is called like it"
         caution = "" if guess.unit else ", unit assumed"
+        if caution and unit == "Pa" and _BARS[0] <= guess.largest <= _BARS[1]:
+            caution += f": its values, up to {guess.largest:.3g}, look like bar"
         entry = f"{_quoted(name)}: {{{guess.place}, unit: {_quoted(unit)}}}"
         if guess.place in odd:
             left_out.append(f"  # {entry}")
@@ -136,35 +156,41 @@ def first_map(path: str | Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _guesses(found: RecordingInformation, *, table: bool) -> list[Guess]:
+def _guesses(found: RecordingInformation, clock: NamedClock | None, *, table: bool) -> list[Guess]:
     guesses = []
     clocks = {column.name for column, _ in _clocks(found)} if table else set()
+    if clock is not None:
+        clocks |= {item.name for item in found.topics if clock.name in (item.name, title(item))}
     for topic in found.topics:
         for value in topic.values:
             budget().tick()
             if table and value.name in clocks:
                 continue
             if table:
-                place, title = _place_of(topic), value.name
+                place, heading = _place_of(topic), value.name
             else:
                 place = f"topic: {_quoted(topic.name)}, field: {_quoted(value.name)}"
                 last = value.name.rpartition(".")[2]
                 if last in _BESIDE or value.name.startswith("layout."):
                     continue
-                title = topic.name if last in _THE_VALUE else f"{topic.name} {value.name}"
-            guesses.append(_guess(title, value, place))
+                heading = topic.name if last in _THE_VALUE else f"{topic.name} {value.name}"
+            guesses.append(_guess(heading, value, place, timed=clock is not None))
     return guesses
 
 
-def _guess(title: str, value: ValueInformation, place: str) -> Guess:
-    name, unit = named_unit(title)
+def _guess(heading: str, value: ValueInformation, place: str, *, timed: bool) -> Guess:
+    """Return what a field or column may be; `timed` says whether another one is the time."""
+    name, unit = named_unit(heading)
     unit = value.unit or unit or ""
     at_end = _UNIT_AT_END.search(name)
     # `p_a` is a pressure, not a p in amperes
     if at_end is not None and not unit and _words(name) not in _ALIASES:
         word = at_end[1].lower()
-        unit, name = _SPELT.get(word, word), name[: at_end.start()]
+        # nor is `Boom Ms`, which may be measured, one in milliseconds
+        if not (timed and at_end[1] == "Ms"):
+            unit, name = _SPELT.get(word, word), name[: at_end.start()]
     words = _words(name)
+    unit = unit or _SPELT_OUT.get(words.rpartition(" ")[2], "")
     best, likeness = "", 0.0
     for channel, aliases in _WORDS.items():
         if unit and not _fits(unit, channel):
@@ -175,10 +201,11 @@ def _guess(title: str, value: ValueInformation, place: str) -> Guess:
                 best, likeness = channel, ratio
     if not _is_unit(unit):
         unit = ""
+    largest = max(abs(value.minimum), abs(value.maximum))
     if likeness < _LIKE:
-        return Guess(_plain_name(place), place, unit, "", 0.0)
-    reason = f"'{title}' is like {best}" + (f", and {unit} fits" if unit else "")
-    return Guess(best, place, unit, reason.replace("\n", " "), likeness)
+        return Guess(_plain_name(place), place, unit, "", 0.0, largest)
+    reason = f"'{heading}' is like {best}" + (f", and {unit} fits" if unit else "")
+    return Guess(best, place, unit, reason.replace("\n", " "), likeness, largest)
 
 
 def _words(name: str) -> str:
@@ -261,14 +288,28 @@ def _clocks(found: RecordingInformation) -> list[tuple[TopicInformation, str]]:
     return sorted(clocks, key=lambda clock: not clock[0].name.lower().startswith("time"))
 
 
+def _clock(found: RecordingInformation) -> NamedClock | None:
+    """Return the clock of a table: by names; where none is named so, by values."""
+    likely = _clocks(found)
+    if likely or found.format in _OWN_CLOCKS or _dates(found):
+        return best_clock(likely, found.topics)
+    return clock_by_values(found)
+
+
+def _dates(found: RecordingInformation) -> str:
+    """Return the column that holds dates, "" if there is none."""
+    return next((item.name for item in found.topics if HOLDS_DATES in item.readable), "")
+
+
 def _clock_lines(found: RecordingInformation, clock: NamedClock | None) -> list[str]:
     if clock is not None:
         source = f"its unit is {'given' if clock.unit else 'assumed'}"
-        line = f"time: {{column: {_quoted(clock.name)}, unit: {clock.unit or 's'}}}"
-        return [f"{line}  # guessed: by its name; {source}"]
-    if dates := next((item.name for item in found.topics if HOLDS_DATES in item.readable), ""):
+        unit = clock.unit or clock.likely_unit
+        line = f"time: {{column: {_quoted(clock.name)}, unit: {_quoted(unit)}}}"
+        return [f"{line}  # guessed: {clock.reason or 'by its name'}; {source}"]
+    if dates := _dates(found):
         return [f"time: {{column: {_quoted(dates)}}}  # guessed: it {HOLDS_DATES}"]
-    if found.format in ("mdf", "ulog", "tdms"):
+    if found.format in _OWN_CLOCKS:
         return []
     return ["sample_rate: 1 kHz  # ASSUMED: no column is called like a time"]
 

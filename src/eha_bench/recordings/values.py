@@ -34,6 +34,7 @@ class ValueInformation:
         nan_share: share of the samples that are NaN or infinite.
         resolution: step between neighbouring values; 0 where they have no common step, NaN where
             there are fewer than three different ones.
+        step: the median step of values that all rise, as those of a time do; NaN for others.
     """
 
     name: str
@@ -42,6 +43,7 @@ class ValueInformation:
     maximum: float
     nan_share: float
     resolution: float
+    step: float = float("nan")
 
     @classmethod
     def of(cls, name: str, unit: str, values: NDArray[Any]) -> ValueInformation:
@@ -59,6 +61,7 @@ class ValueInformation:
             float(finite.max()),
             1.0 - finite.size / numbers.size,
             resolution(finite),
+            _rise(numbers),
         )
 
 
@@ -70,6 +73,15 @@ def resolution(values: FloatArray) -> float:
     """
     with np.errstate(all="ignore"):
         return _step(np.unique(values[:_MOST]))
+
+
+def _rise(values: FloatArray) -> float:
+    """Return the median step of values (n,) of which each is above the one before, else NaN."""
+    with np.errstate(all="ignore"):
+        steps = np.diff(values)
+    if not steps.size or not (steps > 0.0).all() or not np.isfinite(steps).all():
+        return float("nan")
+    return float(np.median(steps))
 
 
 def _step(different: FloatArray) -> float:
