@@ -33,10 +33,10 @@ def test_a_recording_that_moves_at_once_did_not_begin_at_rest(
 ) -> None:
     values = pressure[:, None]
     recording = Recording(TIME, {})
+    supply = 7e6 + 1e4 * np.random.default_rng(1).standard_normal(TIME.size)
+    inputs = {"current_command": command, "supply_pressure": supply}
     run = Run("a", Path("a.mcap"), None, True, False, Use.TRAIN, lambda: recording)
-    measured = Measured(
-        run, TIME, {"current_command": command}, ("pressure_a",), values, np.isfinite(values)
-    )
+    measured = Measured(run, TIME, inputs, ("pressure_a",), values, np.isfinite(values))
     found = covered_ranges([measured], {"pressure_a": 2e4}, {})
     assert found.setups[0].at_rest is at_rest
     assert found.setups[0].starts["pressure_a"] == pytest.approx(pressure[:5].mean())

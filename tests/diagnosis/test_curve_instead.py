@@ -105,8 +105,20 @@ def test_a_curve_that_leaves_less_alone_speaks_against_the_effect(costs: dict[st
         "torque_saturation is not accepted: with it 70 % of what is missing is explained, and a "
         "curve of motor_speed at 'shaft' explains 99 % without it"
     )
-    costs["curve"] = 160.0  # of 300: beside a cause that is there it leaves as much as that does
+    costs["curve"] = 160.0  # of 300: little less than the effect leaves
     assert curve_instead(finished("torque_saturation"), LEFT, 1e-3) is None
+
+
+def test_a_small_cause_beside_a_large_one_stands(
+    costs: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without it the curve leaves what it explains, which is less than half of what remains."""
+    costs |= {"missing": 10_000.0, "effects": 4000.0, "without": 5000.0, "curve": 1000.0}
+    monkeypatch.setattr(module, "without", lambda *_: SimpleNamespace(vector="without"))
+    both = finished("torque_saturation", "current_lag", left=4000.0)
+    assert curve_instead(both, LEFT, 1e-3) is None
+    costs["curve"] = 400.0  # it stands for the cause as well
+    assert curve_instead(both, LEFT, 1e-3) is not None
 
 
 @pytest.mark.parametrize(

@@ -457,6 +457,9 @@ def test_what_shows_in_too_few_stretches_is_said(
     ]
     decision = decide(state, 1e-3, no_progress)
     assert decision.verdict is Verdict.NONE
+    refused = [Refusal(found("command_delay"), "its strength is at its bound")]
+    notes = decide(state, 1e-3, no_progress, refused).notes
+    assert not any("too few stretches" in note for note in notes)
     told = [note for note in decision.notes if "too few stretches" in note]
     assert told == (
         [

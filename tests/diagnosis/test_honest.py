@@ -272,6 +272,10 @@ def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
     assert told is None or says in told.reason
 
 
+def replace_share(search: SimpleNamespace, left: float) -> SimpleNamespace:
+    return SimpleNamespace(**{**vars(search), "share_left": left})
+
+
 @pytest.mark.parametrize(
     ("distance", "left", "holdout", "refused"),
     [
@@ -296,9 +300,10 @@ def test_a_fit_on_its_way_far_above_the_noise_names_nothing(distance, left, hold
     )
     search = SimpleNamespace(
         effects=[item], thresholds=DEFAULT, problem=NOTHING_REACHED,
-        excess_left=Excess(left, 1000, 50.0, {}),
+        excess_left=Excess(left, 1000, 50.0, {}), share_left=0.25,
     )  # fmt: skip
     told = against_the_end(search, end)
+    assert against_the_end(replace_share(search, 0.04), end) is None  # it explains nearly all
     assert (told is not None) is refused
     if told is not None:
         assert "is 13 standard deviations from a minimum, leaves " in told.reason

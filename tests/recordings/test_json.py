@@ -205,6 +205,8 @@ def test_a_key_of_its_own_in_each_line_is_held_against_the_budget(tmp_path: Path
     [
         {"t": 0.1, "position": [1.0, 2.0, 3.0]},
         {"names": ["hip", "knee"], "position": [1.0, 2.0]},
+        {"header": {"stamp": 0.1}, "position": [1.0, 2.0, 3.0]},
+        {"stamp": "2026-01-01T00:00:00", "position": [1.0, 2.0, 3.0]},
         {"position": [1.0]},
     ],
 )

@@ -233,7 +233,13 @@ class Conclusion:
             against = against or against_second(self.search, second, found)
             if against is None:
                 found = self._with_remainder(found, asked, workers)
-                imitation = self._imitation(found, asked, workers)
+                try:
+                    with checkpoints(asked), fits_by(workers):
+                        imitation = self._imitation(found)
+                except KeyboardInterrupt:
+                    note = "interrupted before a curve was tried instead of what was found"
+                    self.found = found = replace(found.with_note(note), complete=False)
+                    break
                 if imitation is None:
                     break
                 found = self._without_effect(imitation, asked, workers)
@@ -250,17 +256,12 @@ class Conclusion:
             )
         return found
 
-    def _imitation(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Refusal | None:
+    def _imitation(self, found: Diagnosis) -> Refusal | None:
         """Return an effect that only stands for a law that nobody declared, None for none."""
         if found.remainder is None:
             return None
-        if (mean := only_a_mean(self.search, found.remainder)) is not None:
-            return mean
-        try:
-            with checkpoints(asked), fits_by(workers):
-                return curve_instead(self.search, found.remainder, COARSE)
-        except KeyboardInterrupt:
-            return None
+        mean = only_a_mean(self.search, found.remainder)
+        return mean or curve_instead(self.search, found.remainder, COARSE)
 
     def _with_remainder(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Say what remains beside the effects, where more than noise does, and where it acts."""

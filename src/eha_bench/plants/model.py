@@ -313,7 +313,8 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
             )
     per_run = tuple(dict.fromkeys(layout.key(key) for key in file.per_run)) or base.per_run
     _refuse_weightless(model, file, place)
-    held = tuple(key for key in base.calibrate if key not in (*calibrate, *per_run))
+    below = dict.fromkeys((*base.held, *base.calibrate))
+    held = tuple(key for key in below if key not in (*calibrate, *per_run))
     return replace(model, calibrate=tuple(calibrate), within=within, per_run=per_run, held=held)
 
 

@@ -45,8 +45,9 @@ def write_rounds_report(path: Path, content: Mapping[str, Any]) -> Path:
     last = content["rounds"][-1]
     if last["ending"] not in (None, "proposed"):
         sentence = f"{last['experiment'][:1].upper()}{last['experiment'][1:]}."
-    if content["ending"] == "stopped" and content["notes"]:
-        sentence = f"{content['notes'][-1][:1].upper()}{content['notes'][-1][1:]}."
+    why = [note for note in content["notes"] if note.startswith(f"round {last['round']}: ")]
+    if content["ending"] == "stopped" and why:
+        sentence = f"{why[-1][:1].upper()}{why[-1][1:]}."
     rows = tuple(_row(item) for item in content["rounds"])
     seconds = f"{number(content['bench_seconds'], 2)} s"
     page = {

@@ -65,31 +65,49 @@ def command_leads(problem: Problem, fit: Fit) -> tuple[dict[str, float], Problem
     found: dict[str, float] = {}
     if not problem.windows:
         return found, problem, fit
-    tick = float(np.median([window.measured.tick for window in problem.windows]))
-    for name in _commands(problem):
-        share, there, best = 0.0, problem, fit
-        for _ in range(_ROUNDS):
-            least = max(_GAIN, _SHARE * best.cost) if share == 0.0 else _GAIN
-            new, gain = _better(problem, there, best, found, name, share, tick)
-            if gain < least or abs(new - share) < _THERE:
-                break
-            share = new
-            there = _with(problem, {**found, name: period_of(share, tick)}, best)
-            best = levenberg_marquardt(there, best.vector, best.free)
-        if share < _LEAST or not best.cost < fit.cost - _GAIN:
-            continue
-        # rows that were lost, beside which a lead is one error for another, must not decide, nor a
-        # fit that stopped short of its bottom with a lag too long
-        alone = levenberg_marquardt(_with(problem, found, best), best.vector, best.free)
-        little = _squares(best) < _LOUD * best.residual.size
-        beyond = _squares(alone) - alone.residual.size
-        if little and _squares(alone) - _squares(best) > max(_GAIN, _PART * beyond):
-            found[name] = period_of(share, tick)
-            fit = best
+    pending, before = _commands(problem), -1
+    # what is much of the rest beside one that was found may not have been before
+    while pending and len(found) > before:
+        before = len(found)
+        for name in pending:
+            period, reached = _lead_of(problem, fit, found, name)
+            if period is not None:
+                found[name], fit = period, reached
+        pending = [name for name in pending if name not in found]
     if not found:
         return found, problem, fit
     done = _with(problem, found, fit)
     return found, done, levenberg_marquardt(done, fit.vector, fit.free)
+
+
+def _lead_of(
+    problem: Problem, fit: Fit, found: Mapping[str, float], name: str
+) -> tuple[float | None, Fit]:
+    """Return how often a command was given, s, and the fit with that; None where no lead is seen.
+
+    Args:
+        problem, fit: as of `command_leads`. found: of other commands. name: of this one.
+    """
+    tick = float(np.median([window.measured.tick for window in problem.windows]))
+    share, there, best = 0.0, problem, fit
+    for _ in range(_ROUNDS):
+        least = max(_GAIN, _SHARE * best.cost) if share == 0.0 else _GAIN
+        new, gain = _better(problem, there, best, found, name, share, tick)
+        if gain < least or abs(new - share) < _THERE:
+            break
+        share = new
+        there = _with(problem, {**found, name: period_of(share, tick)}, best)
+        best = levenberg_marquardt(there, best.vector, best.free)
+    if share < _LEAST or not best.cost < fit.cost - _GAIN:
+        return None, fit
+    # rows that were lost, beside which a lead is one error for another, must not decide, nor a
+    # fit that stopped short of its bottom with a lag too long
+    alone = levenberg_marquardt(_with(problem, found, best), best.vector, best.free)
+    little = _squares(best) < _LOUD * best.residual.size
+    beyond = _squares(alone) - alone.residual.size
+    if little and _squares(alone) - _squares(best) > max(_GAIN, _PART * beyond):
+        return period_of(share, tick), best
+    return None, fit
 
 
 def with_leads(

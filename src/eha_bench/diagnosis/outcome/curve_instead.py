@@ -3,8 +3,8 @@
 A drag that grows with the cube of the speed leaves less to a torque that saturates than to nothing,
 and what that leaves follows the speed. Where an effect leaves a remainder that a curve of one
 variable explains at another place, the same curve is fitted without the effect: where it leaves
-much less than the effect does, the effect only imitated it. Beside a cause that is there, a curve
-of what remains cannot stand for both.
+much less than the effect does, and than the effect explains, the effect only imitated it. A curve
+of what remains beside a cause that is there leaves what that explains.
 """
 
 from __future__ import annotations
@@ -41,19 +41,21 @@ def curve_instead(search: Search, left: Remainder, step: float) -> Refusal | Non
     def beyond_noise(cost: float) -> float:
         return cost - SOFT_MEAN * long.size
 
-    missing = beyond_noise(cost_of(long, search.base.vector))
+    missing = max(beyond_noise(cost_of(long, search.base.vector)), 1.0)
     effects_leave = beyond_noise(cost_of(long, search.fit.vector))
     for item in sorted(search.effects, key=lambda item: item.comparison.gain):
         if item.start.candidate in left.found_there:
             continue
         fit = search.base if len(search.accepted) == 1 else without(search, item)
+        explains = beyond_noise(cost_of(long, fit.vector)) - effects_leave
         curve_leaves = beyond_noise(_with_curve(search, fit, curve, step).cost)
-        if curve_leaves < limits.instead * effects_leave:
+        if curve_leaves < limits.instead * min(effects_leave, explains):
             known, alone = (1.0 - each / missing for each in (effects_leave, curve_leaves))
             return Refusal(
                 item,
                 f"with it {per_cent(known)} of what is missing is explained, and a curve of "
                 f"{left.variable} at '{left.at}' explains {per_cent(alone)} without it",
+                imitates=True,
             )
     return None
 

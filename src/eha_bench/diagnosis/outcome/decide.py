@@ -81,11 +81,12 @@ def decide(
                 "that has no structure in time: single outliers, or more noise than estimated, "
                 f"mostly of '{worst}'"
             )
-        notes += _seen_too_seldom(search)
+        if search.excess_base.relative > limits.rest:
+            notes += _seen_too_seldom(search, refused)
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:
         return _beside_a_remainder(search, share, step, progress, notes)
-    found = _unknown(search, step, progress, (*notes, *_seen_too_seldom(search)))
+    found = _unknown(search, step, progress, (*notes, *_seen_too_seldom(search, refused)))
     assert found.unknown is not None
     placed = placed_by_refusals(found.unknown, refused, limits)
     if placed is found.unknown:
@@ -94,14 +95,19 @@ def decide(
     return replace(found, unknown=placed, learned=False, fit=search.fit)
 
 
-def _seen_too_seldom(search: Search) -> list[str]:
-    """Say which effect would explain most of it, but in too few stretches to be sure."""
+def _seen_too_seldom(search: Search, refused: Sequence[Refusal]) -> list[str]:
+    """Say which effect would explain most of it, but in too few stretches to be sure.
+
+    One that was refused has another reason, which is told.
+    """
     limits = search.thresholds
+    told = {item.item.start.candidate for item in refused}
     likely = [
         item
         for item in search.ranking
         if item.refitted
         and not item.candidate.startswith("parameter:")
+        and item.candidate not in told
         and item.score > limits.explained
         and search.base.cost - item.cost > limits.gain
         and limits.p_value <= item.p_value < limits.likely

@@ -37,7 +37,8 @@ _ENOUGH: Final = 0.5
 _ALIKE: Final = 0.05
 """Spread of a parameter over the runs, as a share of its size, up to which it does not differ."""
 _ABSURD: Final = 10.0
-"""Multiple of a declared size beyond which a value is of no such machine: it imitates."""
+"""Multiple of the size of a mass or inertia beyond which one is of no such machine: it imitates."""
+_MASSES: Final = ("kg", "kg*m^2")
 
 
 @dataclass(frozen=True)
@@ -131,9 +132,14 @@ def _found(
             for key in keys
         }
         layout = own.plant.layout
-        declared = {key: abs(base.dataset.model.value(key)) for key in keys}
+        declared = {
+            key: max(abs(base.dataset.model.value(key)), abs(float(base.fit.vector[at])))
+            for key in keys
+            for at in [layout.index[key]]
+            if layout.by_key[key].unit in _MASSES
+        }
         if any(
-            abs(value) > _ABSURD * declared[key] > 0.0
+            abs(value) > _ABSURD * declared.get(key, 0.0) > 0.0
             for key, runs in values.items()
             for value in runs.values()
         ):

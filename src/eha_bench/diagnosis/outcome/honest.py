@@ -119,7 +119,7 @@ def _at_no_minimum(search: Search, found: Diagnosis) -> str:
     if ended is None or ended.converged or found.holdout or found.unseen:
         return ""
     left = search.excess_left
-    if not search.thresholds.is_much(left):
+    if not search.thresholds.is_much(left) or search.share_left < search.thresholds.little:
         return ""
     return (
         f"the fit with it is {ended.distance:.2g} standard deviations from a minimum, leaves "

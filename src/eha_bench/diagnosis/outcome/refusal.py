@@ -17,10 +17,12 @@ class Refusal:
 
     Attributes:
         item: it, with what it explained. reason: why not, as a clause.
+        imitates: whether it stood for something at another place, and so tells none.
     """
 
     item: Accepted
     reason: str
+    imitates: bool = False
 
     @property
     def note(self) -> str:
@@ -41,7 +43,9 @@ def placed_by_refusals(unknown: Unknown, refused: Sequence[Refusal], limits: Thr
     telling = [
         item
         for item in refused
-        if item.item.start.equation and item.item.comparison.explained_out > limits.nearly_all
+        if not item.imitates
+        and item.item.start.equation
+        and item.item.comparison.explained_out > limits.nearly_all
     ]
     if not telling or unknown.share > limits.explained:
         return unknown

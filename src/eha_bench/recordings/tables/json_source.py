@@ -6,6 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
@@ -292,17 +293,27 @@ class JsonSource(GroupedTable):
 def _holds_columns(record: Any) -> bool:
     """Whether the only record of a list holds columns of samples, and is no sample itself.
 
-    A sample has numbers of its own (its time), or names for the elements of its lists; both may
-    stand beside columns, which are longer then.
+    A sample has numbers of its own (its time, also within a header or as a date), or names for the
+    elements of its lists; both may stand beside columns, which are longer then.
     """
     if not isinstance(record, dict):
         return False
     longest = max((len(value) for value in record.values() if _is_series(value)), default=0)
     beside = any(
-        isinstance(value, (bool, int, float)) or (isinstance(value, list) and lists_names(key))
+        isinstance(value, (bool, int, float, dict))
+        or (isinstance(value, str) and _is_date(value))
+        or (isinstance(value, list) and lists_names(key))
         for key, value in record.items()
     )
     return longest >= (_MOST_ELEMENTS if beside else 2)
+
+
+def _is_date(text: str) -> bool:
+    try:
+        datetime.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_series(value: Any) -> bool:
