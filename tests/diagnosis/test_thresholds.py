@@ -35,8 +35,8 @@ def test_the_page_has_the_values_of_the_code(repository: Path) -> None:
         (0.031, 8.1, 0.0, True, True),
         (0.031, 7.9, 0.0, False, False),
         (0.99, 7.9, 0.0, False, False),  # few readings at twice the noise show less structure
-        (1.01, 5.5, 0.0, True, True),
-        (1.01, 5.4, 0.0, False, False),
+        (1.01, 5.1, 0.0, True, True),
+        (1.01, 4.9, 0.0, False, False),
         (0.21, 0.0, 8.1, True, False),
         (0.21, 0.0, 7.9, False, False),
         (0.019, 50.0, 0.0, False, False),

@@ -7,7 +7,6 @@ happens where one is halved or doubled, and writes `docs/thresholds.md`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
@@ -21,7 +20,7 @@ def _threshold(value: float, decides: str, source: str) -> float:
 
 
 QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
-    "Is something missing?": ("rest", "structure", "doubled", "bursts", "look"),
+    "Is something missing?": ("rest", "structure", "doubled", "discovery", "bursts", "look"),
     "Is a candidate believed?": (
         "gain", "share", "first", "much", "p_value", "p_hidden", "p_few", "plain",
         "nearly_all", "runs_better", "p_clear", "worth", "together",
@@ -54,10 +53,15 @@ class Thresholds:
     )
     doubled: float = _threshold(
         1.0,
-        "excess, in the noise's cost, from which a structure as sure as `gain` is enough, and gain "
+        "excess, in the noise's cost, from which a structure of `discovery` is enough, and gain "
         "that is plain, however few the readings are",
         "twice the noise is no nearly right model; `structure` grows with the number of readings, "
         "and a log of 150 reaches 7.7 at four times the noise",
+    )
+    discovery: float = _threshold(
+        5.0,
+        "structure in time, in standard deviations, that is enough where that much is missing",
+        "convention for a discovery; single outliers among 1,200 readings made 4.1",
     )
     bursts: float = _threshold(
         0.2,
@@ -226,7 +230,7 @@ class Thresholds:
 
     def has_structure(self, rest: Excess) -> bool:
         """Whether a residual has structure in time, which a wrong level of the noise has not."""
-        least = math.sqrt(self.gain) if rest.relative > self.doubled else self.structure
+        least = self.discovery if rest.relative > self.doubled else self.structure
         return rest.significance > least
 
     def is_worth_a_look(self, rest: Excess) -> bool:
