@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.hypothesis import read_question
 from eha_bench.experiment.permitted import Limit
 from eha_bench.experiment.proposal import ProposalEnding
-from eha_bench.experiment.response import Bench, respond
+from eha_bench.experiment.response import Bench, Responses, respond
 from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
 from imposed_plants import PUMPED, SEAL
@@ -42,6 +43,23 @@ inputs:   {goal: {to: loop.reference, between_samples: hold}}
 channels: {angle: output.angle, speed: output.speed}
 """
 SERVO_AT = {"goal": (0.5, 1.5), "angle": (0.4, 1.6), "speed": (-4.0, 4.0)}
+
+
+def responses(
+    folder: Path, how: str, value: str, limits: Mapping[str, Limit] | None = None
+) -> tuple[Responses, tuple[str, ...]]:
+    """Return what a trial of 0.2 s at a constant value is foreseen to record, and its channels."""
+    question = read_question(folder)
+    rivals, commanded = question.rivals, Commanded.of(question)
+    plant = rivals[0].model.plant
+    bench = Bench.of(question.covered, plant, commanded.channel)
+    (folder / "hold.yaml").write_text(
+        f"name: next\ntrials:\n  - {{id: hold, {how}, duration: 0.2 s,"
+        f" signal: {{kind: constant, value: {value}}}}}\n"
+    )
+    trial = load_suite(folder / "hold.yaml").trials[0]
+    draws = [np.zeros((1, len(rivals[0].keys)))]
+    return respond(rivals, draws, trial, bench, limits or {}, commanded), tuple(plant.outputs)
 
 
 def test_a_measured_pump_speed_is_what_the_experiment_asks_for(tmp_path: Path) -> None:
@@ -190,17 +208,8 @@ def test_a_trial_starts_from_the_pressures_that_recordings_began_with(tmp_path: 
         noise={"pressure_a": 1e4, "piston_position": 2e-5}, extremes=PUMPED_AT, starts=began,
         command="motor_speed", piston="free",
     )  # fmt: skip
-    question = read_question(folder)
-    rivals, commanded = question.rivals, Commanded.of(question)
-    bench = Bench.of(question.covered, rivals[0].model.plant, commanded.channel)
-    suite = (
-        "name: next\ntrials:\n  - {id: jump, mode: motor_speed, duration: 0.2 s,"
-        " signal: {kind: constant, value: 20 rad/s}}\n"
-    )
-    (tmp_path / "jump.yaml").write_text(suite)
-    trial = load_suite(tmp_path / "jump.yaml").trials[0]
-    found = respond(rivals, [np.zeros((1, len(rivals[0].keys)))], trial, bench, {}, commanded)
-    readings = dict(zip(rivals[0].model.plant.outputs, found.outputs[0][0].T, strict=True))
+    found, outputs = responses(folder, "mode: motor_speed", "20 rad/s")
+    readings = dict(zip(outputs, found.outputs[0][0].T, strict=True))
     # friction holds the weight: nothing has moved on the way, and nothing was commanded yet
     assert readings["pressure_a"][0] == pytest.approx(5.0e6, abs=2e5)
     assert readings["piston_position"][0] == 0.0
@@ -230,19 +239,9 @@ def test_a_locked_trial_keeps_its_limits_also_where_nothing_was_commanded_before
     folder = write_question(
         tmp_path / "diagnosis", [rival("command_delay", {"delay": 4e-3})], starts=at_rest
     )
-    question = read_question(folder)
-    rivals, commanded = question.rivals, Commanded.of(question)
-    bench = Bench.of(question.covered, rivals[0].model.plant, commanded.channel)
-    suite = (
-        "name: next\ntrials:\n  - {id: hold, mode: current, duration: 0.2 s,"
-        " setup: {piston: locked}, signal: {kind: constant, value: 6 A}}\n"
-    )
-    (tmp_path / "hold.yaml").write_text(suite)
-    trial = load_suite(tmp_path / "hold.yaml").trials[0]
     limits = {"motor_speed": Limit(-5.0, 5.0)}
-    draws = [np.zeros((1, len(rivals[0].keys)))]
-    found = respond(rivals, draws, trial, bench, limits, commanded)
-    column = rivals[0].model.plant.outputs.index("motor_speed")
+    found, outputs = responses(folder, "mode: current, setup: {piston: locked}", "6 A", limits)
+    column = outputs.index("motor_speed")
     assert np.abs(found.outputs[0][:, :, column]).max() < 1.0
     assert found.rooms[0].high > 20.0
     assert not found.safe

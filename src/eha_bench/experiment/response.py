@@ -177,22 +177,20 @@ def respond(
     reference = trial.reference(trial.clock())
     setup = (trial.setup.piston, trial.setup.bypass)
     vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
-    first, *others = (
+    cases = [
         _after_command(rivals, vectors, trial, bench, commanded, before)
         for before in commanded.before(trial, reference, bench.starts.get(setup, {}))
-    )
-    fitted = np.stack([item[0] for item in first])
+    ]
+    likeliest = cases[0]
+    fitted = np.stack([item[0] for item in likeliest])
     names = rivals[0].model.plant.outputs
     here = bench.beyond(
         setup,
         {name: fitted[:, :, column] for column, name in enumerate(names)},
     )
-    every = [
-        np.concatenate([own, *(other[number] for other in others)])
-        for number, own in enumerate(first)
-    ]
-    doubled = [np.concatenate([own] * (1 + len(others))) for own in vectors]
-    return Responses(trial, first, here, rooms_of(rivals, doubled, every, bench, limits))
+    every = [np.concatenate(own) for own in zip(*cases, strict=True)]
+    repeated = [np.concatenate([own] * len(cases)) for own in vectors]
+    return Responses(trial, likeliest, here, rooms_of(rivals, repeated, every, bench, limits))
 
 
 def _after_command(

@@ -378,17 +378,17 @@ def _refuse_circle(above: Path, below: Path, where: Place) -> None:
     """
     from eha_bench.core import yaml_file
 
-    chain, path = [above.resolve()], below.resolve()
-    while path not in chain:
-        chain.append(path)
-        content = yaml_file.load(path)
+    chain, path = [above.resolve()], below
+    while path.resolve() not in chain:
+        chain.append(path.resolve())
+        content = yaml_file.peek(path)
         model = content.get("model") if isinstance(content, Mapping) else None
         if not (isinstance(model, str) and model.endswith((".yaml", ".yml"))):
             return
-        path = (path.parent / model).resolve()
+        path = path.parent / model
         if not path.is_file():
             return  # said when it is loaded
-    names = ", ".join(item.name for item in chain[chain.index(path) :])
+    names = ", ".join(item.name for item in chain[chain.index(path.resolve()) :])
     raise InputError(
         f"models stand on one another in a circle: {names}",
         where=where,

@@ -65,8 +65,9 @@ class Convergence:
         Args:
             added: to the calibrated model, of which the fit is then.
         """
-        fitted = f"the fit with {' and '.join(added)}" if added else "the calibration"
-        after = f"with {' and '.join(added)}" if added else "after calibration"
+        causes = f"with {' and '.join(added)}"
+        fitted = f"the fit {causes}" if added else "the calibration"
+        after = causes if added else "after calibration"
         found = []
         if not self.converged:
             found.append(

@@ -133,9 +133,10 @@ def _found(
         }
         layout = own.plant.layout
         declared = {
-            key: max(abs(base.dataset.model.value(key)), abs(float(base.fit.vector[at])))
+            key: max(
+                abs(base.dataset.model.value(key)), abs(float(base.fit.vector[layout.index[key]]))
+            )
             for key in keys
-            for at in [layout.index[key]]
             if layout.by_key[key].unit in _MASSES
         }
         if any(
