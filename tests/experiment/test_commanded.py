@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -245,3 +246,26 @@ def test_a_locked_trial_keeps_its_limits_also_where_nothing_was_commanded_before
     assert np.abs(found.outputs[0][:, :, column]).max() < 1.0
     assert found.rooms[0].high > 20.0
     assert not found.safe
+
+
+@pytest.mark.parametrize(("measured", "mode"), [(False, "current_command"), (True, "current")])
+def test_a_command_is_called_by_what_was_recorded(
+    tmp_path: Path, measured: bool, mode: str
+) -> None:
+    """A machine without a sensor of its current has no channel `current` to ask for."""
+    (tmp_path / "log.csv").write_text("t,i,w\n" + "".join(f"{k / 100},{k},0\n" for k in range(20)))
+    own = "current: {column: i, unit: A}, " if measured else ""
+    (tmp_path / "channels.yaml").write_text(
+        f"time: {{column: t, unit: s}}\nchannels: {{{own}current_command: {{column: i, unit: A}}, "
+        "motor_speed: {column: w, unit: rad/s}}\n"
+    )
+    (tmp_path / "dataset.yaml").write_text(
+        "model: paper\ninputs: [current_command]\nchannels: channels.yaml\n"
+        "runs: [{log: log.csv, use: train}]\n"
+    )
+    folder = write_question(tmp_path / "diagnosis", [rival("command_delay", {"delay": 4e-3})])
+    file = folder / "diagnosis.json"
+    content = json.loads(file.read_text())
+    content["covered"]["dataset"] = str(tmp_path / "dataset.yaml")
+    file.write_text(json.dumps(content))
+    assert Commanded.of(read_question(folder)).mode == mode

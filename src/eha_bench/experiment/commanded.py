@@ -10,13 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.trial import Piston, Trial, mode_named, passes_on
+from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.experiment.hypothesis import Question
 from eha_bench.plants.plant import Plant
+from eha_bench.posterior.covered import Covered
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ class Commanded:
         vectors = [rival.vector for rival in question.rivals] if is_command else []
         return Commanded(
             channel,
-            _mode_of(channel),
+            _mode_of(channel, question.covered),
             unit,
             unit or plant.units.get(channel, ""),
             min((float(plant.command_limit(vector)) for vector in vectors), default=math.inf),
@@ -99,10 +102,28 @@ class Commanded:
         return {**own, **trial.setup.initial}
 
 
-def _mode_of(channel: str) -> str:
-    """Return the suite's word for a trial that commands a channel itself."""
-    spoken = "current"
-    return spoken if passes_on(mode_named(spoken), channel) else channel
+def _mode_of(channel: str, covered: Covered) -> str:
+    """Return the suite's word for a trial that commands a channel itself.
+
+    That is the channel's own name. `current` is what is measured, and a machine may have no sensor
+    of it: only where it was recorded is it the word.
+    """
+    spoken = mode_named("current")
+    if passes_on(spoken, channel) and _was_recorded(spoken.channel, covered):
+        return spoken.name
+    return channel
+
+
+def _was_recorded(channel: str, covered: Covered) -> bool:
+    """Whether recordings have a channel, also one that the plant does not give."""
+    if any(channel in item.extremes for item in covered.setups):
+        return True
+    if not Path(covered.dataset).is_file():
+        return False
+    try:
+        return any(channel in run.read() for run in load_dataset(covered.dataset).training[:1])
+    except EhaBenchError:
+        return False
 
 
 def _motions(plant: Plant, inputs: Mapping[str, tuple[float, float, float]]) -> list[str]:

@@ -6,6 +6,7 @@ import pytest
 
 from eha_bench.core.errors import InputError
 from eha_bench.core.shipped import shipped_rig
+from eha_bench.suites import load_suite
 from eha_bench.targets.can.load import load_drive
 from eha_bench.targets.resolve import open_target
 
@@ -80,3 +81,17 @@ def test_a_dbc_that_is_none_is_an_error(tmp_path: Path, target: Writer) -> None:
     (tmp_path / "bad.dbc").write_text("this is not a DBC {", encoding="utf-8")
     with pytest.raises(InputError, match="not a DBC"):
         load_drive(target("dbc: bad.dbc\n"))
+
+
+def test_a_drive_takes_its_command_by_either_name() -> None:
+    """A suite may ask for `current_command`; the drive's own word for it is `current`."""
+    target = open_target(shipped_rig("eha_drive.yaml"))
+    lines = []
+    for mode in ("current", "current_command"):
+        signal = {"kind": "constant", "value": "1 A"}
+        setup = {"piston": "locked"}
+        only = {"id": "a", "mode": mode, "duration": "10 ms", "setup": setup, "signal": signal}
+        (trial,) = load_suite({"name": "next", "trials": [only]}).trials
+        target.check(trial)
+        lines.append([line for line in target.preview(trial) if "(1 A)" in line])
+    assert lines[0] == lines[1] != []

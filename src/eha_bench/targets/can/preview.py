@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
+from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial, command_of, passes_on
 from eha_bench.targets.can.drive import CanDrive, Frame
 from eha_bench.targets.can.guard import GuardLimits
 
@@ -38,7 +38,7 @@ def preview(
         frame = drive.command_frame(mode, 0.0, step.word)
         lines.append(f"enable: {_text(frame)} until the drive is '{step.state}'")
     on = word.enable[-1].word
-    if mode == trial.mode:
+    if passes_on(trial.mode, command_of(mode)):
         lines += _reference(drive, mode, trial, on)
     else:
         extremes = [drive.command_frame(mode, sign * command_limit, on) for sign in (-1, 1)]

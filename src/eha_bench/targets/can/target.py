@@ -19,7 +19,7 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.shipped import shipped_file
-from eha_bench.core.trial import ControlMode, Piston, Trial, command_of
+from eha_bench.core.trial import ControlMode, Piston, Trial, command_of, passes_on
 from eha_bench.plants.model import Model, model_from
 from eha_bench.targets.can.adapter import adapter_of
 from eha_bench.targets.can.balance import TorqueModel
@@ -126,7 +126,7 @@ class CanTarget(Target):
 
     def _plan(self, trial: Trial) -> DrivePlan:
         host = self._drive.file.control is ControlPlace.HOST
-        mode = (self._drive.command or ControlMode.CURRENT) if host else trial.mode
+        mode = (self._drive.command or ControlMode.CURRENT) if host else self._mode_of(trial)
         where = Place(file=str(self._drive.path), key="commands")
         if mode not in self._drive.commands:
             raise InputError(f"the drive has no command for mode '{mode.name}'", where=where)
@@ -151,10 +151,15 @@ class CanTarget(Target):
             self._position(trial), self._linkage, self._limits, self._constants(),
         )  # fmt: skip
 
+    def _mode_of(self, trial: Trial) -> ControlMode:
+        """Return the mode of the drive's that a trial asks for, where it names the command too."""
+        own = self._drive.command
+        return own if own and passes_on(trial.mode, command_of(own)) else trial.mode
+
     def _check_range(self, trial: Trial) -> None:
         """Refuse a reference that the drive's command cannot hold."""
         values = trial.reference(trial.clock())
-        coding = self._drive.commands[trial.mode].coding
+        coding = self._drive.commands[self._mode_of(trial)].coding
         ends = sorted(coding.to_si(end) for end in (coding.low, coding.high))
         if not ends[0] <= values.min() <= values.max() <= ends[1]:
             raise InputError(
