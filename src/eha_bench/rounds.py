@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from eha_bench.api import diagnose, next_experiment, run
 from eha_bench.core.atomic_file import write_text
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.input_files import noting_inputs
 from eha_bench.core.interruption import signals_raised_after
 from eha_bench.core.output_folder import spare_inputs, writable
 from eha_bench.core.progress import ProgressHook
-from eha_bench.core.result import Status
+from eha_bench.core.result import Result, Status
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE, Verdict
 from eha_bench.experiment.files import dataset_path, run_folder
@@ -36,17 +37,14 @@ class Settled(StrEnum):
 
     `settled`: nothing is open. `none_permitted`: no permitted experiment would go further, or none
     can be planned for what is unknown.
-    `out_of_rounds`: as many were made as asked for. `stopped`: a run did not come to its end.
+    `out_of_rounds`: as many were made as asked for. `stopped`: a run did not come to its end, or
+    a step was refused.
     """
 
     SETTLED = "settled"
     NONE_PERMITTED = "none_permitted"
     OUT_OF_ROUNDS = "out_of_rounds"
     STOPPED = "stopped"
-
-
-_ROUND = "round "
-"""How a note begins that says why rounds stopped."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +55,7 @@ class Round:
         number: from 1. folder: of all it wrote. diagnosis: content of its diagnosis.json.
         experiment: content of its next.json; None where none was looked for.
         status: of the run; "" where none was made.
+        reason: why the rounds stopped in it; "" where they did not.
     """
 
     number: int
@@ -64,6 +63,7 @@ class Round:
     diagnosis: Mapping[str, Any]
     experiment: Mapping[str, Any] | None = None
     status: str = ""
+    reason: str = ""
 
     @property
     def verdict(self) -> Verdict:
@@ -94,6 +94,7 @@ class Round:
             "probability_right": experiment.get("probability_right"),
             "bench_seconds": experiment.get("bench_seconds"),
             "status": self.status,
+            "reason": self.reason,
         }
 
 
@@ -112,6 +113,11 @@ class Rounds:
         return sum(float((item.experiment or {}).get("bench_seconds") or 0.0)
                    for item in self.rounds if item.status)  # fmt: skip
 
+    @property
+    def stops(self) -> tuple[str, ...]:
+        """Why they stopped, a sentence each."""
+        return tuple(_stop(item.number, item.reason) for item in self.rounds if item.reason)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of rounds.json."""
         return {
@@ -119,8 +125,12 @@ class Rounds:
             "ending": self.ending.value,
             "bench_seconds": self.bench_seconds,
             "rounds": [item.to_dict() for item in self.rounds],
-            "notes": list(self.notes),
+            "notes": [*self.notes, *self.stops],
         }
+
+
+def _stop(number: int, reason: str) -> str:
+    return f"round {number} stopped: {reason}"
 
 
 @signals_raised_after()
@@ -150,7 +160,8 @@ def close(
 
     Raises:
         InputError: a file is wrong or missing, the folder holds rounds of another dataset, or the
-            target has none of the channels of the dataset's plant.
+            target has none of the channels of the dataset's plant. Where rounds were begun,
+            rounds.json and rounds.html say so as well.
     """
     folder = writable(Path(out))
     # before the first diagnosis, which takes minutes, not after it
@@ -167,55 +178,87 @@ def close(
     spare_inputs((folder / name for name in own), files)
     tell = progress or (lambda _stage, _fraction: None)
     _own(folder, dataset, target)
-    current, done = Path(dataset), []
-    ending = Settled.OUT_OF_ROUNDS
+    plan = partial(_plan_once, tell=tell, budget=budget, safety=safety, probability=probability,
+                   within=within)  # fmt: skip
+    done: list[Round] = []
+    try:
+        ending = _go_round(done, folder, Path(dataset), target, notes, rounds, plan, tell)
+    except EhaBenchError as error:
+        if done:
+            done[-1] = replace(done[-1], reason=str(error))
+            _write(Rounds(Settled.STOPPED, tuple(done), folder, notes))
+        raise
+    found = Rounds(ending, tuple(done), folder, notes)
+    _write(found)
+    return found
+
+
+def _go_round(
+    done: list[Round],
+    folder: Path,
+    dataset: Path,
+    target: str | Path,
+    notes: tuple[str, ...],
+    rounds: int,
+    plan: Callable[[Path, Path], Mapping[str, Any]],
+    tell: ProgressHook,
+) -> Settled:
+    """Make the rounds, and return how they ended.
+
+    Args:
+        done: takes every round, as far as it came. plan: returns the content of next.json for a
+            round's folder and the suite to write. Others: as of `close`.
+    """
+    current = dataset
     for number in range(1, rounds + 2):
         place = folder / f"round-{number}"
-        found = Round(number, place, _diagnose_once(current, place / "diagnosis", tell))
-        done.append(found)
-        if number > rounds and found.diagnosis.get("equivalent"):
-            break
+        done.append(Round(number, place, _diagnose_once(current, place / "diagnosis", tell)))
+        if number > rounds and done[-1].diagnosis.get("equivalent"):
+            return Settled.OUT_OF_ROUNDS
         suite = place / "next.yaml"
-        planned = _plan_once(place, suite, tell, budget=budget, safety=safety,
-                           probability=probability, within=within)  # fmt: skip
-        done[-1] = found = Round(number, place, found.diagnosis, planned)
+        planned = plan(place, suite)
+        done[-1] = replace(done[-1], experiment=planned)
         if planned["ending"] != "proposed":
-            # an unknown that no rival can play has nothing to separate, and is open all the same
-            open_ = planned["ending"] == "none_permitted" or found.verdict is Verdict.UNKNOWN
-            ending = Settled.NONE_PERMITTED if open_ else Settled.SETTLED
-            break
+            return _settled(planned, done[-1].verdict)
         if number > rounds:
-            break
+            return Settled.OUT_OF_ROUNDS
         tell(f"run {number}", 0.0)
-        try:
-            result = run(suite, target, run_folder(suite), resume=run_folder(suite).exists())
-        except InputError as error:
-            why = f"{_ROUND}{number}: its experiment was not run, {error}"
-            _write(Rounds(Settled.STOPPED, tuple(done), folder, (*notes, why)))
-            raise
-        done[-1] = Round(number, place, found.diagnosis, planned, result.status.value)
-        _write(Rounds(ending, tuple(done), folder, notes))
-        if result.status in (Status.FAULT, Status.INCOMPLETE):
-            ending = Settled.STOPPED
-            notes += tuple(
-                f"{_ROUND}{number}: {trial.id} did not finish: {trial.reason}"
-                for trial in result.trials
-                if trial.status in (Status.FAULT, Status.INCOMPLETE) and trial.reason
-            )
-            break
+        result = run(suite, target, run_folder(suite), resume=run_folder(suite).exists())
+        stopped = result.status in (Status.FAULT, Status.INCOMPLETE)
+        why = _why_stopped(result) if stopped else ""
+        done[-1] = replace(done[-1], status=result.status.value, reason=why)
+        if stopped:
+            return Settled.STOPPED
+        _write(Rounds(Settled.OUT_OF_ROUNDS, tuple(done), folder, notes))
         current = dataset_path(suite)
-    found_all = Rounds(ending, tuple(done), folder, notes)
-    _write(found_all)
-    return found_all
+    return Settled.OUT_OF_ROUNDS
+
+
+def _settled(planned: Mapping[str, Any], verdict: Verdict) -> Settled:
+    """Return how rounds end after which nothing is proposed."""
+    # earlier versions had nothing open where something unknown had no rival
+    open_ = planned["ending"] == "none_permitted" or verdict is Verdict.UNKNOWN
+    return Settled.NONE_PERMITTED if open_ else Settled.SETTLED
+
+
+def _why_stopped(result: Result) -> str:
+    """Say why a run did not come to its end."""
+    found = [
+        f"{item.id}: {item.reason}"
+        for item in result.trials
+        if item.reason and item.status in (Status.FAULT, Status.INCOMPLETE)
+    ]
+    return "; ".join(found) or "the run was interrupted"
 
 
 def _notes_of(folder: Path) -> tuple[str, ...]:
-    """Return what was noted when the rounds of a folder were begun; why they stopped is past."""
+    """Return what was noted when the rounds of a folder were begun; not why they stopped."""
     file = folder / SUMMARY
     if not file.exists():
         return ()
-    notes = json.loads(file.read_text(encoding="utf-8")).get("notes", ())
-    return tuple(note for note in notes if not note.startswith(_ROUND))
+    content = json.loads(file.read_text(encoding="utf-8"))
+    stops = {_stop(item["round"], item.get("reason", "")) for item in content.get("rounds", ())}
+    return tuple(note for note in content.get("notes", ()) if note not in stops)
 
 
 def _beside_the_plant(dataset: Dataset, opened: Target, target: str | Path) -> tuple[str, ...]:
@@ -276,8 +319,8 @@ def _diagnose_once(dataset: Path, place: Path, tell: ProgressHook) -> Mapping[st
 def _plan_once(
     place: Path,
     suite: Path,
-    tell: ProgressHook,
     *,
+    tell: ProgressHook,
     budget: float,
     safety: str | Path | None,
     probability: float,

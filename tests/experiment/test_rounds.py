@@ -11,7 +11,6 @@ from experiment_question import rival, write_question
 
 import eha_bench as eb
 from eha_bench.core.errors import InputError
-from eha_bench.core.result import Status
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.rounds import Round, Settled, _beside_the_plant, close
 from eha_bench.targets.resolve import open_target
@@ -132,42 +131,3 @@ def test_what_is_not_distinguished_is_named_with_what_was_found(tmp_path: Path):
          "equivalent": [["command_delay", "command_lag"]]},
     )  # fmt: skip
     assert found.causes == ("command_delay or command_lag", "gravity_load")
-
-
-@pytest.mark.parametrize("refused", [True, False])
-def test_why_rounds_stopped_is_said_until_they_go_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: bool
-):
-    _dataset(tmp_path)
-    (tmp_path / "rig.yaml").write_text("target: simulator\nmodel: plant.yaml\n")
-    place = tmp_path / "loop/round-1/diagnosis"
-    place.mkdir(parents=True)
-    (place / "diagnosis.json").write_text(json.dumps({"verdict": "effect", "complete": True}))
-    (tmp_path / "loop/rounds.json").write_text(
-        json.dumps({"notes": ["it simulates another plant", "round 1: an earlier fault"]})
-    )
-    planned = {"ending": "proposed", "sentence": "a sine", "trials": [], "bench_seconds": 1.0,
-               "probability_right": 0.9}  # fmt: skip
-    monkeypatch.setattr("eha_bench.rounds._plan_once", lambda *_, **__: planned)
-
-    def run(*_: object, **__: object) -> object:
-        if refused:
-            raise InputError("controls current, which the rig does not have")
-        fault = SimpleNamespace(id="part_1", status=Status.FAULT, reason="encoder lost at tick 40")
-        return SimpleNamespace(status=Status.FAULT, trials=[fault])
-
-    monkeypatch.setattr("eha_bench.rounds.run", run)
-    asked = tmp_path / "dataset.yaml", tmp_path / "rig.yaml", tmp_path / "loop"
-    if refused:
-        says = "round 1: its experiment was not run, controls current"
-        with pytest.raises(InputError, match="controls current"):
-            close(*asked)
-    else:
-        says = "round 1: part_1 did not finish: encoder lost at tick 40"
-        assert close(*asked).ending is Settled.STOPPED
-    kept = json.loads((tmp_path / "loop/rounds.json").read_text())
-    assert kept["ending"] == "stopped"
-    assert kept["notes"][0] == "it simulates another plant"
-    assert kept["notes"][1].startswith(says)
-    assert len(kept["notes"]) == 2
-    assert says[1:] in (tmp_path / "loop/rounds.html").read_text().replace("\n", " ")

@@ -174,6 +174,8 @@ def close(
         say(
             f"round {item.number}: {item.verdict} ({causes}). {plan[:1].upper()}{plan[1:]}".rstrip()
         )
+    for why in found.stops:
+        say(why)
     ended = {
         Settled.NONE_PERMITTED: "not settled (no further experiment)",
         Settled.OUT_OF_ROUNDS: "not settled (out of rounds)",

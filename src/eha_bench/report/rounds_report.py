@@ -45,9 +45,12 @@ def write_rounds_report(path: Path, content: Mapping[str, Any]) -> Path:
     last = content["rounds"][-1]
     if last["ending"] not in (None, "proposed"):
         sentence = f"{last['experiment'][:1].upper()}{last['experiment'][1:]}."
-    why = [note for note in content["notes"] if note.startswith(f"round {last['round']}: ")]
-    if content["ending"] == "stopped" and why:
-        sentence = f"{why[-1][:1].upper()}{why[-1][1:]}."
+    notes = tuple(content["notes"])
+    if reason := last.get("reason"):
+        sentence = (
+            f"Round {last['round']} did not come to its end. {reason[:1].upper()}{reason[1:]}"
+        )
+        notes = tuple(note for note in notes if not note.endswith(reason))
     rows = tuple(_row(item) for item in content["rounds"])
     seconds = f"{number(content['bench_seconds'], 2)} s"
     page = {
@@ -56,6 +59,7 @@ def write_rounds_report(path: Path, content: Mapping[str, Any]) -> Path:
         "word": word,
         "sentence": sentence,
         "rows": rows,
+        "notes": notes,
         "facts": (Fact("Rounds", str(len(rows))), Fact("Bench time of all experiments", seconds)),
     }
     return write_page(path, "rounds.html.j2", page, title="Rounds of a closed loop")
