@@ -149,9 +149,28 @@ def test_an_unknown_without_a_model_is_not_planned_for(tmp_path: Path, equation,
     unknown = {"equation": equation, "variables": [], "description": ""}
     file.write_text(json.dumps(content | {"verdict": "unknown", "unknown": unknown}))
     found = eb.next_experiment(folder)
-    assert found.ending is ProposalEnding.NOTHING_OPEN
+    assert found.ending is ProposalEnding.NONE_PERMITTED
     assert says in found.sentence
     assert "log more channels" in found.sentence
+
+
+def test_an_unknown_that_a_curve_plays_is_still_open(tmp_path: Path):
+    """Nothing is left to separate or narrow, and yet the machine has something without a name."""
+    folder = write_question(tmp_path, [rival(*LAG)])
+    file = folder / "diagnosis.json"
+    content = json.loads(file.read_text())
+    content["rivals"][0]["id"] = "learned of motor_speed"
+    where = "something acts in the torque balance; a learned curve explains 95 % of the excess"
+    unknown = {"equation": "torque", "variables": ["motor_speed"], "description": where}
+    also = "what is missing may as well act in the actuation balance"
+    content |= {"verdict": "unknown", "unknown": unknown, "notes": ["a plain note", also]}
+    content["convergence"] = {"converged": True, "residual_over_floor": 1.46}
+    file.write_text(json.dumps(content))
+    found = eb.next_experiment(folder)
+    assert found.ending is ProposalEnding.NONE_PERMITTED
+    assert f"{where}; {also}; the revised model still leaves 1.5 times the noise" in found.sentence
+    assert "nothing is open" not in found.sentence
+    assert "a plain note" not in found.sentence
 
 
 def test_a_wide_interval_is_brought_under_what_is_asked(tmp_path: Path):

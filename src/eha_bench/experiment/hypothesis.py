@@ -16,13 +16,20 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.json_file import read_object
 from eha_bench.diagnosis.fit.convergence import MOST
 from eha_bench.diagnosis.fit.friction_at_rest import is_friction_at_rest
-from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE, SCHEMA_VERSION
+from eha_bench.diagnosis.outcome.diagnosis import (
+    DIAGNOSIS_FILE,
+    MAY_AS_WELL,
+    SCHEMA_VERSION,
+    Verdict,
+)
 from eha_bench.diagnosis.outcome.rival import Standing
 from eha_bench.plants.model import Model, load_model
 from eha_bench.posterior.covered import Covered
 from eha_bench.posterior.posterior import root_of
 
 _CAUTION = "CAUTION: "
+_AT_NOISE = 1.05
+"""Remainder, over the noise, from which on more than noise is left."""
 _LEAST = 0.05
 """Share of a positive parameter's fitted value below which none is drawn."""
 
@@ -147,6 +154,7 @@ class Question:
         not_simulated: what acts and is in no rival, "" where everything is.
         source: diagnosis.json. cautions: what the diagnosis warns of, one sentence each.
         no_interval: why the diagnosis gives no interval of anything, "" where it does.
+        unnamed: what is known of something unknown, as clauses; "" where nothing is unknown.
     """
 
     verdict: str
@@ -157,6 +165,7 @@ class Question:
     source: Path
     cautions: tuple[str, ...] = ()
     no_interval: str = ""
+    unnamed: str = ""
 
 
 def read_question(path: str | Path) -> Question:
@@ -208,6 +217,7 @@ def read_question(path: str | Path) -> Question:
             if note.startswith(_CAUTION)
         ),
         _why_no_interval(content),
+        _unnamed(content),
     )
 
 
@@ -222,6 +232,18 @@ def _why_no_interval(content: Mapping[str, Any]) -> str:
     where = (content.get("remainder") or {}).get("equation")
     own = f", in the {where} balance" if where else ""
     return f"its model leaves {ratio:.2g} times the noise unexplained{own}"
+
+
+def _unnamed(content: Mapping[str, Any]) -> str:
+    """Return what a diagnosis says of something unknown, as clauses; "" where nothing is."""
+    if content["verdict"] != Verdict.UNKNOWN:
+        return ""
+    said = [(content.get("unknown") or {}).get("description") or "it was not located"]
+    said += [note for note in content.get("notes") or () if note.startswith(MAY_AS_WELL)]
+    ratio = float((content.get("convergence") or {}).get("residual_over_floor") or 0.0)
+    if ratio > _AT_NOISE:
+        said.append(f"the revised model still leaves {ratio:.2g} times the noise")
+    return "; ".join(said)
 
 
 def _not_simulated(unknown: Mapping[str, Any]) -> str:

@@ -22,7 +22,7 @@ class ProposalEnding(StrEnum):
     """How the search for an experiment ended.
 
     `proposed`: a suite was written. `nothing_open`: there is nothing to separate. `none_permitted`:
-    nothing that is permitted would separate it.
+    something is open, and nothing that is permitted would tell it.
     """
 
     PROPOSED = "proposed"

@@ -151,10 +151,11 @@ class _Planner:
 
     def run(self) -> Proposal:
         """Search, and say how it ended."""
-        if len(self.causes) < 2 and self.question.no_interval:
-            return self._none_permitted(self._why_no_interval())
-        if self._nothing_open():
-            return self._ending(ProposalEnding.NOTHING_OPEN, self._why_nothing_open())
+        if len(self.causes) < 2:
+            if why := self._why_nothing_can_be_planned():
+                return self._none_permitted(why)
+            if self._worst(self.rivals[0].covariance) <= self.within:
+                return self._ending(ProposalEnding.NOTHING_OPEN, self._why_nothing_open())
         if not self.plan.command:
             return self._none_permitted(
                 f"{self.permitted.words}, and they leave the command no room: "
@@ -234,31 +235,34 @@ class _Planner:
 
     # --- what is open ----------------------------------------------------------------------
 
-    def _nothing_open(self) -> bool:
-        if len(self.causes) >= 2:
-            return False
-        return bool(self.question.not_simulated) or (
-            self._worst(self.rivals[0].covariance) <= self.within
-        )
-
-    def _why_no_interval(self) -> str:
-        """Say that parameters are not narrowed while their model leaves too much unexplained."""
-        if self.question.not_simulated:
-            return self._why_nothing_open()
-        return (
-            "the diagnosis gives no interval that could be narrowed, because "
-            f"{self.question.no_interval}: log more channels, or declare what the plant lacks, and "
-            "run `eha-bench diagnose` again"
-        )
-
-    def _why_nothing_open(self) -> str:
-        if self.question.not_simulated:
+    def _why_nothing_can_be_planned(self) -> str:
+        """Say what is open that no experiment of one rival would tell; "" where nothing is."""
+        question = self.question
+        if question.not_simulated:
             return (
-                f"{self.question.not_simulated}, so no rival can be simulated: declare what the "
+                f"{question.not_simulated}, so no rival can be simulated: declare what the "
                 "plant lacks, or log more channels, and run `eha-bench diagnose` again"
             )
-        if not self.question.complete:
+        if question.no_interval:
+            # parameters are not narrowed while their model leaves too much unexplained
+            return (
+                "the diagnosis gives no interval that could be narrowed, because "
+                f"{question.no_interval}: log more channels, or declare what the plant lacks, and "
+                "run `eha-bench diagnose` again"
+            )
+        if self._worst(self.rivals[0].covariance) > self.within:
+            return ""
+        if not question.complete:
             return "the diagnosis was interrupted: run `eha-bench diagnose` again"
+        if question.unnamed:
+            return (
+                f"what is missing has no name yet, and no rival that an experiment could tell from "
+                f"it: {question.unnamed}; declare what the plant lacks there, or log more "
+                "channels, and run `eha-bench diagnose` again"
+            )
+        return ""
+
+    def _why_nothing_open(self) -> str:
         rival = self.rivals[0]
         left = "no missing effect was found"
         if rival.cause != "none":

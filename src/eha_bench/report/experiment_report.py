@@ -77,7 +77,7 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
     word = {
         ProposalEnding.PROPOSED: "Proposed",
         ProposalEnding.NOTHING_OPEN: "Nothing is open",
-        ProposalEnding.NONE_PERMITTED: "No permitted experiment would separate them",
+        ProposalEnding.NONE_PERMITTED: "No permitted experiment would tell more",
     }[proposal.ending]
     odds = proposal.odds
     content = {

@@ -13,7 +13,7 @@ from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.outcome.confounded import follows_pressure
-from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.outcome.diagnosis import MAY_AS_WELL, Unknown, Verdict
 from eha_bench.diagnosis.outcome.refusal import Refusal, placed_by_refusals
 from eha_bench.diagnosis.outcome.whereabouts import acts_in
 from eha_bench.diagnosis.search.state import Accepted, Search
@@ -219,7 +219,7 @@ def _unknown(
     found = _decision_with_curve(search, locator, located[0], step, notes)
     others = [name for name in locator.near if name != located[0].template.equation]
     if others:
-        also = f"what is missing may as well act in the {' or '.join(others)} balance"
+        also = f"{MAY_AS_WELL} in the {' or '.join(others)} balance"
         found = replace(found, notes=(*found.notes, also))
     return replace(found, locator=locator, located=tuple(located))
 

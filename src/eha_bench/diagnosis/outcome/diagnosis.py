@@ -31,6 +31,8 @@ REVISED_FILE = "revised.yaml"
 RECALIBRATED_FILE = "recalibrated.yaml"
 WRITTEN = (DIAGNOSIS_FILE, REVISED_FILE, RECALIBRATED_FILE, RIVALS_FOLDER)
 """What is written of a diagnosis, by its name in the folder."""
+MAY_AS_WELL = "what is missing may as well act"
+"""How a note begins that names other balances in which something unknown may act."""
 
 _html = later("eha_bench.report.notebook", "diagnosis_html")
 
