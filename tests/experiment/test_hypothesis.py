@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from experiment_question import rival, write_question
 
+import eha_bench as eb
 from eha_bench.core.errors import InputError
 from eha_bench.diagnosis.fit.uncertainty import Covariance
 from eha_bench.diagnosis.outcome.rival import Rival
 from eha_bench.experiment.hypothesis import Hypothesis, read_question, rivals_to_separate
+from eha_bench.experiment.proposal import ProposalEnding
 from imposed_plants import PUMPED
+from spindle_plant import SPINDLE
 
 KEYS = ("viscous_torque", "coulomb_torque", "bulk_modulus", "leakage")
 
@@ -122,3 +125,52 @@ def test_a_diagnosis_that_was_edited_is_refused(
     file.write_text(json.dumps(content))
     with pytest.raises(InputError, match=says):
         read_question(folder)
+
+
+PLANT = SPINDLE.replace("inputs:", "  load:  {kind: load, on: shaft, force: 0.02 N*m}\ninputs:")
+
+
+@pytest.mark.parametrize(("effect", "key", "value", "half", "share", "of"), [
+    ("cogging_torque", "phase", -0.096, 0.05, 0.05, "1 rad"),
+    ("cogging_torque", "amplitude", 0.05, 0.01, 0.2, "its value"),
+    # usually 10 %
+    ("asymmetric_friction", "asymmetry", 0.02, 0.01, 0.1, "its usual size"),
+    ("asymmetric_friction", "asymmetry", -0.4, 0.1, 0.25, "its value"),
+])  # fmt: skip
+def test_what_may_be_nothing_is_not_judged_by_its_value(
+    tmp_path: Path, effect: str, key: str, value: float, half: float, share: float, of: str
+):
+    (tmp_path / "plant.yaml").write_text(SPINDLE)
+    strength = {"amplitude": 0.05} if key == "phase" else {}
+    item = rival(effect, {**strength, key: value}, source=str(tmp_path / "plant.yaml"),
+                 known=("drag.coulomb",))  # fmt: skip
+    matrix = np.diag([(1e-6 * 0.16) ** 2, *(1e-18 for _ in strength), (half / 1.96) ** 2])
+    item = replace(item, covariance=Covariance(item.covariance.parameters, matrix))
+    (found,) = asked(tmp_path / "diagnosis", item)
+    name = f"{effect}.{key}"
+    assert found.relative_half_widths(found.covariance)[name] == pytest.approx(share)
+    assert found.judged_against[name] == of
+    # a draw is judged as what was fitted
+    there = found.drawn(np.array([0.0, *(0.0 for _ in strength), 1.9]))
+    if of != "its value":
+        assert there.relative_half_widths(found.covariance)[name] == pytest.approx(share)
+
+
+@pytest.mark.parametrize(("half", "judged"), [(0.005, True), (0.03, False)])
+def test_a_force_that_may_as_well_be_zero_is_a_share_of_nothing(
+    tmp_path: Path, half: float, judged: bool
+):
+    (tmp_path / "plant.yaml").write_text(PLANT)
+    item = rival(None, source=str(tmp_path / "plant.yaml"), known=("drag.coulomb", "load.force"))
+    matrix = np.diag([1e-18, (half / 1.96) ** 2])
+    item = replace(item, covariance=Covariance(item.covariance.parameters, matrix))
+    folder = write_question(
+        tmp_path / "diagnosis", [item], noise={"motor_speed": 0.3}, piston="free",
+        extremes={"current_command": (-8.0, 8.0), "motor_speed": (-100.0, 100.0)},
+    )  # fmt: skip
+    (found,) = read_question(folder).rivals
+    assert ("load.force" in found.relative_half_widths(found.covariance)) is judged
+    if not judged:
+        ended = eb.next_experiment(folder)
+        assert ended.ending is ProposalEnding.NOTHING_OPEN
+        assert "but for load.force, which may as well be 0" in ended.sentence

@@ -17,6 +17,7 @@ from eha_bench.core.limit import Bounds
 from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.experiment.commanded import Commanded
+from eha_bench.experiment.describe import width_words
 from eha_bench.experiment.hypothesis import read_question
 from eha_bench.experiment.permitted import permitted_ranges
 from eha_bench.experiment.proposal import ProposalEnding
@@ -357,3 +358,13 @@ def test_a_limit_that_no_experiment_keeps_is_named(tmp_path: Path):
         r"rad/s, at any size; the mildest would go from \S+ to \S+ rad/s, with noise \S+ times",
         found.sentence,
     )
+
+
+@pytest.mark.parametrize(("share", "of", "said"), [
+    (0.05, "its value", "± 5 % of its value"),
+    (48.0, "its value", "± 48 times its value"),
+    (0.05, "its usual size", "± 5 % of its usual size"),
+    (0.05, "1 rad", "± 0.05 rad"),
+])  # fmt: skip
+def test_an_interval_says_what_it_is_a_share_of(share: float, of: str, said: str):
+    assert width_words(share, of) == said

@@ -86,20 +86,22 @@ def sentence_of(proposal: Proposal) -> str:
         f", more than the {per_cent(proposal.asked, 2)} asked for"
     )  # fmt: skip
     rest = ", the widest still" if after is worst else (
-        f"; the widest is then {after.parameter}, {width_words(after.after)}"
+        f"; the widest is then {after.parameter}, {width_words(after.after, after.of)}"
     )  # fmt: skip
     return (
         f"{what}. {seconds} reduce the interval of {worst.parameter} from "
-        f"{width_words(worst.before)} to {width_words(worst.after)}{rest}"
+        f"{width_words(worst.before, worst.of)} to {width_words(worst.after, worst.of)}{rest}"
         f"{short}.{close}"
     )
 
 
-def width_words(share: float) -> str:
-    """Return half of an interval: `± 12 % of its value`, or `± 48 times its value`."""
+def width_words(share: float, of: str) -> str:
+    """Return half of an interval: `± 12 % of its value`, `± 48 times its value`, `± 0.05 rad`."""
+    if of.startswith("1 "):
+        return f"± {share:.2g} {of.removeprefix('1 ')}"
     if share < 1.0:
-        return f"± {100.0 * share:.2g} % of its value"
-    return f"± {share:.2g} times its value"
+        return f"± {100.0 * share:.2g} % of {of}"
+    return f"± {share:.2g} times {of}"
 
 
 def broken_limit(room: LimitMargin, count: int, unit: str) -> str:

@@ -24,14 +24,64 @@ from eha_bench.diagnosis.outcome.diagnosis import (
 )
 from eha_bench.diagnosis.outcome.rival import Standing
 from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.parameter import Parameter
 from eha_bench.posterior.covered import Covered
 from eha_bench.posterior.posterior import root_of
 
 _CAUTION = "CAUTION: "
 _AT_NOISE = 1.05
 """Remainder, over the noise, from which on more than noise is left."""
+OF_VALUE = "its value"
+_TURNS = 12.0
+"""Bounds of an angle, rad: what may be more is a position of a shaft."""
 _LEAST = 0.05
 """Share of a positive parameter's fitted value below which none is drawn."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What half of an interval is a share of: its size, SI, 0 for nothing, and what that is."""
+
+    size: float
+    words: str = OF_VALUE
+
+
+def may_be_nothing(parameter: Parameter) -> bool:
+    """Whether a parameter may be zero or of either sign: an angle, an offset, a force."""
+    return parameter.low < 0.0 and not parameter.nonzero
+
+
+def _scale_of(parameter: Parameter, size: float, half: float, usual: float) -> Scale:
+    """Return what an interval of a parameter that may be nothing is judged against.
+
+    A phase that is off by 0.1 rad makes its effect off by a tenth of its size, wherever the angle's
+    zero is. An offset is judged against what such an offset usually is, where that is more than its
+    value. What has no usual size is judged by its value, or not at all where it may be nothing.
+
+    Args:
+        size: of its value. half: of its interval. usual: its usual size, 0 where none is known.
+    """
+    if parameter.unit == "rad" and parameter.low >= -_TURNS and parameter.high <= _TURNS:
+        return Scale(1.0, "1 rad")
+    if usual > size:
+        return Scale(usual, "its usual size")
+    return Scale(size if size > half or usual > 0.0 else 0.0)
+
+
+def _usual_size(parameter: Parameter, *, of_effect: bool) -> float:
+    """Return the usual size of a parameter, 0 where none is known.
+
+    An effect's default is one. A plant's is what its file declares, and one without bounds is any.
+    """
+    if not math.isfinite(parameter.high):
+        return 0.0
+    return parameter.usual or (abs(parameter.default) if of_effect else 0.0)
+
+
+def _half_widths(covariance: FloatArray) -> FloatArray:
+    """Return half of each 95 % interval, SI."""
+    found: FloatArray = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return found
 
 
 @dataclass(frozen=True)
@@ -98,13 +148,44 @@ class Hypothesis:
         """Return it about a draw of its posterior, (p,) standard normal coordinates."""
         return replace(self, moved=self.at(z[None, :])[0])
 
+    @cached_property
+    def _scales(self) -> tuple[Scale, ...]:
+        """What the interval of each parameter is judged against, (p,)."""
+        layout = self.model.plant.layout
+        plants_own = {item.name for item in layout.parameters}
+        fitted = self.model.vector()[self._places]
+        sizes, half = np.abs(self.vector[self._places]), _half_widths(self.covariance)
+        found = []
+        for place, key in enumerate(self.keys):
+            name = key.partition("[")[0]
+            parameter = layout.by_key[name]
+            own = Scale(float(sizes[place]))
+            if may_be_nothing(parameter):
+                usual = _usual_size(parameter, of_effect=name not in plants_own)
+                own = _scale_of(parameter, abs(float(fitted[place])), float(half[place]), usual)
+            found.append(own)
+        return tuple(found)
+
+    @property
+    def judged_against(self) -> dict[str, str]:
+        """What each parameter's interval is a share of, in words, by key."""
+        return {key: scale.words for key, scale in zip(self.keys, self._scales, strict=True)}
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """Parameters whose interval is a share of nothing: as well 0, and of no usual size."""
+        return tuple(
+            key for key, scale in zip(self.keys, self._scales, strict=True) if not scale.size > 0.0
+        )
+
     def relative_half_widths(self, covariance: FloatArray) -> dict[str, float]:
-        """Return half of each parameter's 95 % interval as a share of its value, by key."""
-        size = np.abs(self.vector[self._places])
-        half = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        shares = np.where(size > 0.0, half / np.maximum(size, 1e-300), np.nan)
-        return {key: float(share) for key, share in zip(self.keys, shares, strict=True)
-                if math.isfinite(share)}  # fmt: skip
+        """Return half of each parameter's 95 % interval, as a share of its `judged_against`."""
+        half = _half_widths(covariance)
+        return {
+            key: float(width / scale.size)
+            for key, width, scale in zip(self.keys, half, self._scales, strict=True)
+            if scale.size > 0.0 and math.isfinite(width)
+        }
 
     def sticking(self) -> Hypothesis | None:
         """Return it with friction that sticks at rest; None where no friction was found to creep.

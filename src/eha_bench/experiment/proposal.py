@@ -11,6 +11,7 @@ from typing import Any
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.finite import finite_or_none
 from eha_bench.experiment.decision import Odds
+from eha_bench.experiment.hypothesis import OF_VALUE
 from eha_bench.experiment.response import LimitMargin
 
 SCHEMA_VERSION = 1
@@ -66,11 +67,12 @@ class PlannedTrial:
 
 @dataclass(frozen=True)
 class Width:
-    """A parameter's 95 % interval, half of it as a share of the value, before and after."""
+    """A parameter's 95 % interval, half of it as a share of `of`, before and after."""
 
     parameter: str
     before: float
     after: float
+    of: str = OF_VALUE
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ class Proposal:
             "asked": finite_or_none(self.asked),
             "intervals": [
                 {"parameter": item.parameter, "before": finite_or_none(item.before),
-                 "after": finite_or_none(item.after)} for item in self.widths
+                 "after": finite_or_none(item.after), "of": item.of} for item in self.widths
             ],
             "bench_seconds": self.bench_seconds,
             "budget": self.budget,

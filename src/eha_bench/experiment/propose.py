@@ -269,8 +269,13 @@ class _Planner:
             left = f"no rival of '{rival.cause}' is left"
         return (
             f"nothing is open: {left}, and every parameter is known within {per_cent(self.within)}"
-            f"{self._warned_of()}"
+            f"{self._not_judged()}{self._warned_of()}"
         )
+
+    def _not_judged(self) -> str:
+        """Name the parameters whose interval is a share of nothing, as a clause."""
+        left = counted_parameters(self.rivals[0].unjudged)
+        return f", but for {', '.join(left)}, which may as well be 0" if left else ""
 
     def _warned_of(self) -> str:
         """Say what the diagnosis warned of: a parameter that moved far may hide what is missing."""
@@ -282,15 +287,15 @@ class _Planner:
     def _most_of_all(self) -> str:
         """Return the parameter that is known least, and how well, as a clause."""
         found = [
-            (share, key)
+            (share, key, rival.judged_against[key])
             for rival in self.rivals
             for key, share in rival.relative_half_widths(rival.covariance).items()
             if counted_parameters([key])
         ]
         if not found:
             return ""
-        share, key = max(found)
-        return f", most of all {key}, which is known to {width_words(share)}"
+        share, key, of = max(found)
+        return f", most of all {key}, which is known to {width_words(share, of)}"
 
     def _worst(self, covariance: FloatArray) -> float:
         return worst_width(self.rivals[0], covariance)
@@ -379,7 +384,8 @@ class _Planner:
         rival = self.rivals[0]
         before = rival.relative_half_widths(rival.covariance)
         found = [
-            Width(key, before[key], after.get(key, math.nan)) for key in counted_parameters(before)
+            Width(key, before[key], after.get(key, math.nan), rival.judged_against[key])
+            for key in counted_parameters(before)
         ]
         return tuple(sorted(found, key=lambda item: -item.before))
 

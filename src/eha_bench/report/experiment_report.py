@@ -12,6 +12,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.recording import Recording
+from eha_bench.experiment.hypothesis import OF_VALUE
 from eha_bench.experiment.proposal import NEAR, PlannedTrial, Proposal, ProposalEnding
 from eha_bench.report.engineering import channel_name, display_unit, number, quantity
 from eha_bench.report.figure_view import FigureView, figure_of
@@ -96,7 +97,9 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
         "open": "" if odds is None else _percent(1.0 - odds.right - odds.wrong),
         "draws": 0 if odds is None else odds.draws,
         "widths": tuple(
-            WidthRow(item.parameter, _half_width(item.before), _half_width(item.after))
+            WidthRow(
+                item.parameter, _half_width(item.before, item.of), _half_width(item.after, item.of)
+            )
             for item in proposal.widths
         ),
         "trials": tuple(_views(proposal)),
@@ -107,8 +110,10 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
     return write_page(path, "experiment.html.j2", content, title="The next experiment")
 
 
-def _half_width(share: float) -> str:
+def _half_width(share: float, of: str) -> str:
     below, text = _amount(share, 1)
+    if of != OF_VALUE:
+        text += f" of {of}"
     return f"below ± {text}" if below else f"± {text}"
 
 
