@@ -202,6 +202,7 @@ def test_channel_of_ones_own(tmp_path: Path) -> None:
         ),
         ("accept: {peak: {max: 1, channel: pressure_a, unit: bar}}", "accept.peak.channel", "Pa"),
         ("accept: {peak: [<= 1, <= 2]}", "accept.peak.1", "limited twice"),
+        ("accept: {peak: []}", "accept.peak", "the list of limits of peak is empty"),
         ("accept: {peak: [<= 1, 5]}", "accept.peak.1", "is not a limit"),
         ("accept: [peak]", "accept", "expected limits"),
         ("scores: [rise_tme]", "scores.0", "did you mean 'rise_time'"),

@@ -94,6 +94,12 @@ def judgement(
     for metric, entry in accept.mapping("limits by metric").items():
         several = isinstance(entry.value, list)
         entries = [entry.at(i) for i in range(len(entry.value))] if several else [entry]
+        if not entries:
+            with mistakes:
+                raise entry.error(
+                    f"the list of limits of {metric} is empty",
+                    hint="give a limit, or null to score it without one",
+                )
         for one in entries:
             with mistakes:
                 pair, limit = _acceptance(metric, one, mode, trial, baseline, own)
