@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from eha_bench.core.channels import CHANNELS
+from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.trial import Trial, passes_on
@@ -29,6 +29,8 @@ def check_channels(
     Raises:
         InputError: with file, line and key of the trial's mode, or the file alone.
     """
+    if "pressure_a" in units and "pressure_b" in units:
+        units = {"pressure_difference": unit_of("pressure_difference"), **units}
     where = trial.mode.where
     if trial.channel in held and trial.channel not in units:
         raise InputError(
