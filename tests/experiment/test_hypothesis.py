@@ -174,3 +174,27 @@ def test_a_force_that_may_as_well_be_zero_is_a_share_of_nothing(
         ended = eb.next_experiment(folder)
         assert ended.ending is ProposalEnding.NOTHING_OPEN
         assert "but for load.force, which may as well be 0" in ended.sentence
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"parameters": ["leak_age"]}, "has no parameter leak_age"),
+    ({"matrix": [[-1.0]]}, "negative variance"),
+])  # fmt: skip
+def test_a_covariance_that_cannot_be_is_refused(
+    tmp_path: Path, change: dict[str, object], said: str
+):
+    folder = write_question(tmp_path, [rival(None, known=("leakage",))])
+    file = folder / "diagnosis.json"
+    content = json.loads(file.read_text())
+    content["rivals"][0]["covariance"] |= change
+    file.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=said):
+        read_question(folder)
+
+
+def test_a_verdict_that_there_is_not_is_refused(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(None)])
+    file = folder / "diagnosis.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"verdict": "foo"}))
+    with pytest.raises(InputError, match="foo"):
+        read_question(folder)

@@ -280,6 +280,7 @@ def read_question(path: str | Path) -> Question:
     try:
         rivals = tuple(_hypothesis(item, file.parent) for item in content["rivals"])
         covered = Covered.from_dict(content["covered"])
+        Verdict(content["verdict"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"its rivals cannot be read ({error!r})", where=where) from error
     found = [item for item in rivals if item.standing is not Standing.RUNNER_UP]
