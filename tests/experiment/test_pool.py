@@ -84,3 +84,18 @@ def test_after_an_unexplained_remainder_the_one_that_is_predicted_worst_comes_fi
     assert last.error == pytest.approx(0.1 / np.hypot(0.1, 0.5), rel=0.1)
     assert first.error > 10.0
     assert np.isnan(first.right)
+
+
+def test_recordings_of_one_name_are_told_apart_by_their_folders(pool: Path, tmp_path: Path):
+    text = (pool / "fast.csv").read_text()
+    for folder in ("monday", "tuesday"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "part.csv").write_text(text)
+    logs = [tmp_path / "monday/part.csv", tmp_path / "tuesday/part.csv", pool / "still.csv"]
+    found = rank(pool, logs, channels=pool / "channels.yaml")
+    assert {item.name for item in found} == {"monday/part.csv", "tuesday/part.csv", "still"}
+
+
+def test_a_log_that_is_not_there_is_named(pool: Path):
+    with pytest.raises(InputError, match=r"fsat.csv: no such recording"):
+        rank(pool, [pool / "fast.csv", pool / "fsat.csv"], channels=pool / "channels.yaml")

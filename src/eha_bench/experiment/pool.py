@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.core.errors import EhaBenchError, InputError
+from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.file_kind import kind_by_keys
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.trial import Bypass, Piston, Trial
@@ -44,6 +44,8 @@ from eha_bench.recordings import read
 from eha_bench.suites import trial_from_source
 
 _DRAWS = 12
+_WILD = set("*?[")
+"""What makes a pattern of a name."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,20 @@ def rank(
                 found.append(_by_error(recording, question.covered))
         except EhaBenchError as error:
             found.append(RankedRecording(run.log.name, np.nan, np.nan, np.nan, -1.0, str(error)))
-    return tuple(sorted(found, key=_place))
+    return tuple(sorted(_told_apart(found, [run.log for run, _ in runs]), key=_place))
+
+
+def _told_apart(
+    found: Sequence[RankedRecording], logs: Sequence[Path]
+) -> Iterator[RankedRecording]:
+    """Yield recordings, those that share a name by as much of their paths as tells them apart."""
+    for item, log in zip(found, logs, strict=True):
+        others = {other.resolve() for other in logs if other.name == log.name} - {log.resolve()}
+        own = log.resolve().parts
+        depth = 1
+        while depth < len(own) and any(other.parts[-depth:] == own[-depth:] for other in others):
+            depth += 1
+        yield replace(item, name=str(Path(*own[-depth:]))) if depth > 1 else item
 
 
 def _place(item: RankedRecording) -> tuple[float, float, float]:
@@ -145,6 +160,8 @@ def _runs(
                 dataset: Dataset = load_dataset(log)
                 yield from ((run, dataset.inputs) for run in dataset.runs)
                 continue
+        if not log.exists() and not _WILD & set(str(log)):
+            raise InputError("no such recording", where=Place(file=str(log)))
         content: dict[str, Any] = {
             "model": str(question.source.parent / "recalibrated.yaml"),
             "inputs": list(question.covered.inputs),
