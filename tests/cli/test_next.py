@@ -37,6 +37,7 @@ def test_where_nothing_is_open_no_suite_is_written(cli, tmp_path) -> None:
         (("next", "diagnosis", "--out", "next.yaml", "--budget", "3 m"), "'m'"),
         (("next", "diagnosis", "--out", "next.yaml", "--safety", "no.yaml"), "no.yaml"),
         (("next", "diagnosis", "log.csv", "--out", "next.yaml"), "--from"),
+        (("next", "diagnosis", "--from", "log.csv", "--out", "next.yaml"), "leave out --out"),
     ],
 )
 def test_bad_input_is_one_sentence(cli, tmp_path, arguments, said) -> None:

@@ -72,6 +72,11 @@ def next_experiment(
     from eha_bench.core.units import positive
 
     if pool:
+        if out:
+            raise InputError(
+                "recordings that are ranked give no suite",
+                hint="leave out --out; --json prints the ranking for a file",
+            )
         share = positive("--within", within, "")
         _rank(diagnosis, [*pool, *(logs or [])], channels, share, json=json)
         return
