@@ -368,3 +368,9 @@ def test_a_limit_that_no_experiment_keeps_is_named(tmp_path: Path):
 ])  # fmt: skip
 def test_an_interval_says_what_it_is_a_share_of(share: float, of: str, said: str):
     assert width_words(share, of) == said
+
+
+def test_a_dataset_without_the_old_recordings_says_so(proposed: Path):
+    # the question of this test names no dataset
+    text = (proposed / "next-dataset.yaml").read_text()
+    assert "those of the diagnosis are not there any more" in text

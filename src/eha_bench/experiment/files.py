@@ -66,10 +66,12 @@ def write_proposal(proposal: Proposal, out: str | Path) -> tuple[Path, ...]:
     load_suite(path)
     question = read_question(proposal.source)
     content = _dataset(proposal, question, path)
-    note = (
-        f"# The recordings of `eha-bench run {path.name} --out {run_folder(path).name}`, and\n"
-        "# those of the diagnosis.\n"
-    )
+    own = f"# The recordings of `eha-bench run {path.name} --out {run_folder(path).name}`"
+    note = f"{own}, and\n# those of the diagnosis.\n"
+    if len(content["runs"]) == len(proposal.trials):
+        note = (
+            f"{own} alone:\n# those of the diagnosis are not there any more, or driven otherwise.\n"
+        )
     write_text(dataset_path(path), note + yaml_file.to_text(content))
     return path, dataset_path(path), figures
 
