@@ -16,5 +16,7 @@ def test_a_pressure_difference_is_derived_where_both_pressures_are_there() -> No
     only = {"id": "a", "mode": "pressure", "duration": "0.1 s", "signal": signal}
     (trial,) = load_suite({"name": "own", "trials": [only]}).trials
     check_channels(trial, BOTH, "my rig")
-    with pytest.raises(InputError, match="pressure_difference, which my rig does not have"):
-        check_channels(trial, {"pressure_a": "Pa"}, "my rig")
+    with pytest.raises(InputError, match="pressure_difference, which my rig does not have") as told:
+        check_channels(trial, {"reference": "Pa", "pressure_a": "Pa"}, "my rig")
+    # no mode is called so
+    assert "'reference'" not in str(told.value)

@@ -44,7 +44,7 @@ def check_channels(
         raise InputError(
             f"trial '{trial.id}' controls {trial.channel}, which {target} does not have",
             where=where,
-            hint=suggest(trial.channel, units),
+            hint=suggest(trial.channel, [name for name in units if name != "reference"]),
         )
     known = trial.mode.known
     written = trial.mode.unit if known else trial.mode.declared
