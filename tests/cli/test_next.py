@@ -105,3 +105,12 @@ def test_a_suite_that_the_target_refuses_leaves_the_rounds_with_the_reason(cli, 
     assert found["rounds"][0]["ending"] == "proposed"
     assert reason[:40] in " ".join(done.stderr.split())
     assert (tmp_path / "loop/rounds.html").exists()
+
+
+def test_where_nothing_could_be_ranked_the_status_says_so(cli, tmp_path) -> None:
+    write_question(tmp_path / "diagnosis", [rival(*LAG)])
+    (tmp_path / "torn.csv").write_text("t,i\n")
+    for more in ((), ("--json",)):
+        done = cli("next", "diagnosis", "--from", "torn.csv", *more, check=2)
+        assert "torn.csv" in done.stdout
+        assert "none of the recordings could be ranked" in done.stderr

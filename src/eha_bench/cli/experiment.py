@@ -119,8 +119,7 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
     if json:
         content = [item.to_dict() for item in found]
         typer.echo(json_text.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
-        return
-    for place, item in enumerate(found, 1):
+    for place, item in enumerate(() if json else found, 1):
         if item.why:
             typer.echo(f"-   {item.name}: not ranked, {item.why}")
             continue
@@ -133,6 +132,8 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
                 f"a wrong one in {per_cent(item.wrong, 1)}"
             )
         typer.echo(f"{place:<3} {item.name}: {item.seconds:.3g} s, {outlook}")
+    if all(item.why for item in found):
+        raise InputError("none of the recordings could be ranked", hint="the list says why of each")
 
 
 def close(
