@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eha_bench.diagnosis.fit.candidates import (
+    SheetNumber,
     all_starts,
     declared_sizes,
     effect_starts,
@@ -30,7 +31,8 @@ def test_a_rod_that_is_declared_cannot_be_missing(repository: Path, tmp_path: Pa
     assert "area_b: 12 cm^2" in text
     one.write_text(text.replace("area_b: 12 cm^2", "area_b: 9 cm^2"), encoding="utf-8")
     assert "unequal_areas" in candidates(both)
-    assert candidates(both) - candidates(one) == {"unequal_areas"}
+    as_one = "parameter:cylinder.area_a+cylinder.area_b"
+    assert candidates(both) - candidates(one) == {"unequal_areas", as_one}
 
 
 def test_oil_that_warms_is_no_oil_that_cools(repository: Path) -> None:
@@ -132,3 +134,20 @@ def test_parts_of_one_sheet_are_one_candidate(repository: Path) -> None:
     assert first not in {
         key for item in sheet_numbers(layout, vector, (first,)) for key in item.keys
     }
+
+
+def test_two_areas_that_are_declared_alike_are_one_number_in_doubt(repository: Path) -> None:
+    """A rod that goes through has one area on either side: both are off, or neither."""
+    layout = load_plant(repository / CLOSED).layout
+    vector = layout.defaults()
+    names = ("cylinder.area_a", "cylinder.area_b")
+    places = [layout.index[name] for name in names]
+    vector[places] = 8e-4
+    (start,) = (item for item in all_starts(layout, vector, (), ()) if names[0] in item.keys)
+    assert start.candidate == "parameter:cylinder.area_a+cylinder.area_b"
+    assert start.keys == names
+    assert list(start.apply(vector)[places]) == pytest.approx([8.8e-4, 8.8e-4])
+    assert np.array_equal(start.off(start.apply(vector)), vector)
+    # the number of a drawing is no spread of parts, and is named
+    assert not isinstance(start, SheetNumber)
+    assert not any(names[1] in item.keys for item in all_starts(layout, vector, (), names[:1]))

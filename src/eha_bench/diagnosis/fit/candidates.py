@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -113,23 +114,33 @@ class Start:
 
 
 @dataclass(frozen=True)
-class SheetNumber(Start):
-    """A number of a maker's sheet, from which each part differs a little.
+class SameNumber(Start):
+    """A number that several parts were declared with: both areas of a rod that goes through.
 
     Attributes:
-        also: places of the same number of other parts of this sheet, which moves with the strength.
+        also: places of the number of the other parts, which move with the strength.
     """
 
     also: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, start: Start, names: Sequence[str], places: Sequence[int]) -> Self:
+        """Return the number of all parts, from that of the first one."""
+        return cls(**{**vars(start), "keys": tuple(names)}, also=tuple(places[1:]))
+
+    @property
+    def _sizes(self) -> list[int]:
+        return [self.strength_at, *self.also]
+
+
+@dataclass(frozen=True)
+class SheetNumber(SameNumber):
+    """A number of a maker's sheet, from which each part differs a little."""
 
     def is_within(self, vector: FloatArray) -> bool:
         """Whether parts differ from their sheet by less than may be."""
         sizes = vector[self._sizes]
         return bool(np.all((self.low < sizes) & (sizes < self.high)))
-
-    @property
-    def _sizes(self) -> list[int]:
-        return [self.strength_at, *self.also]
 
 
 def effect_starts(layout: Layout, effect: BoundEffect, *, refined: bool = False) -> list[Start]:
@@ -221,20 +232,24 @@ def all_starts(
             continue
         starts = effect_starts(layout, effect)
         found += [start for start in starts if _can_be_missing(layout, effect, start, vector)]
-    # a single rod is an effect, so an area of two that are declared the same is no number in doubt
-    paired = {name for pair in pairs_alike(layout, vector) for name in pair}
     found += sheet_numbers(layout, vector, calibrated)
-    for parameter in layout.parameters:
-        if parameter.name in calibrated or parameter.size > 1 or parameter.name in paired:
-            continue
-        if not (parameter.assumed or parameter.drawn):
-            continue
-        at = layout.index[parameter.name]
-        value = float(vector[at])
+    doubted = {
+        item.name
+        for item in layout.parameters
+        if item.name not in calibrated and item.size == 1 and (item.assumed or item.drawn)
+    }
+    # a single rod is an effect: two areas that are declared the same are in doubt together
+    pairs = pairs_alike(layout, vector)
+    paired = {name for pair in pairs for name in pair}
+    singles = [(item.name,) for item in layout.parameters if item.name in doubted - paired]
+    for names in (*singles, *(pair for pair in pairs if set(pair) <= doubted)):
+        first, places = layout.by_key[names[0]], [layout.index[name] for name in names]
+        value = float(vector[places[0]])
         if value == 0.0 or not np.isfinite(value):
             continue
-        off_by = _ASSUMED_OFF_BY if parameter.assumed else _DECLARED_OFF_BY
-        found.append(value_start(parameter.name, parameter, at, value, off_by, 1.1))
+        off_by = _ASSUMED_OFF_BY if first.assumed else _DECLARED_OFF_BY
+        start = value_start("+".join(names), first, places[0], value, off_by, 1.1)
+        found.append(SameNumber.of(start, names, places) if names[1:] else start)
     return found
 
 
@@ -254,8 +269,7 @@ def sheet_numbers(
     for (_, value), names in sheets.items():
         first, places = layout.by_key[names[0]], [layout.index[name] for name in names]
         start = value_start("+".join(names), first, places[0], value, 1.0 + first.tolerance, 1.1)
-        own = {**vars(start), "keys": tuple(names)}
-        found.append(SheetNumber(**own, also=tuple(places[1:])))
+        found.append(SheetNumber.of(start, names, places))
     return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import SheetNumber, Start
+from eha_bench.diagnosis.fit.candidates import SameNumber, Start
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, excess
 from eha_bench.diagnosis.fit.friction_at_rest import sticks
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -32,8 +32,8 @@ def without_idle(search: Search) -> Fit | None:
     vector = start.off(fit.vector)
     least = cost_of(search.problem, vector)
     for free in fit.free:
-        # parts of one sheet are off together
-        if free.at == start.strength_at and not isinstance(start, SheetNumber):
+        # parts of one number are off together
+        if free.at == start.strength_at and not isinstance(start, SameNumber):
             least = min(least, cost_with(search.problem, fit, free.key, start.neutral))
     idle = least - fit.cost < search.thresholds.gain
     little = item.comparison.gain < BENT * SOFT_MEAN * search.problem.size
