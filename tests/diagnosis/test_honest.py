@@ -149,7 +149,9 @@ NOTHING_REACHED = SimpleNamespace(
     plant=SimpleNamespace(
         layout=SimpleNamespace(
             effect=lambda _id: SimpleNamespace(
-                strength=SimpleNamespace(name="size"), needed=lambda _values: None, parameters=()
+                strength=SimpleNamespace(name="size", unit=""),
+                needed=lambda _values: None,
+                parameters=(),
             ),
             choice_values=lambda _effect, _vector: {},
         )
@@ -329,6 +331,35 @@ def test_an_effect_that_takes_a_parameter_far_from_what_is_believed(
     assert bool(reason) is is_refused
     if is_refused:
         assert "gas.precharge is 5e+05 Pa, without it 3.1e+05 Pa" in reason
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "tick", "says"),
+    [
+        ("current_lag", 4e-5, 2e-3, "its time_constant is 0.04 ms where samples are 2 ms apart"),
+        ("current_lag", 4e-5, 5e-4, ""),
+        ("command_delay", 3e-5, 1e-3, "its delay is 0.03 ms where samples are 1 ms apart"),
+        ("entrained_air", 4e-5, 2e-3, ""),
+    ],
+)
+def test_a_lag_that_stamps_do_not_tell_is_none(name, size, tick, says):
+    from eha_bench.plants.registry import get_plant
+
+    plant = get_plant("eha_knee")
+    layout = plant.layout
+    vector = layout.defaults()
+    at = layout.index[f"{name}.{layout.effect(name).strength.name}"]
+    vector[at] = size
+    start = Start(name, (), at, 0.0, 2e-3, 0.0, 0.5, (), "actuation")
+    end = replace(found(), revised=SimpleNamespace(vector=lambda: vector))
+    problem = SimpleNamespace(
+        places=NOTHING_REACHED.places, plant=plant, beliefs=(),
+        windows=[SimpleNamespace(measured=SimpleNamespace(tick=tick))],
+    )  # fmt: skip
+    items = [Accepted(start, GOOD, ())]
+    told = against_the_end(SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem), end)
+    assert (told is not None) is bool(says)
+    assert told is None or says in told.reason
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,9 @@ QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
         "nearly_all", "runs_better", "p_clear", "worth", "together",
     ),
     "Is another one as good?": ("behind", "behind_share", "chance", "white"),
-    "Does an effect stand in the end?": ("loose", "little", "form", "likely", "clear", "worse"),
+    "Does an effect stand in the end?": (
+        "loose", "little", "form", "likely", "clear", "instant", "worse",
+    ),
     "Which verdict?": ("explained", "beaten", "instead", "nothing", "follows"),
     "Do held-out runs agree?": ("windows", "replays"),
 }  # fmt: skip
@@ -178,6 +180,11 @@ class Thresholds:
         4.0,
         "standard deviations of a size that is not nothing",
         "what forms within the noise imitate has 2; fresh effects have 8 and more",
+    )
+    instant: float = _threshold(
+        0.05,
+        "share of the time between samples below which a delay or lag is none",
+        "stamps of a log are no better, nor is when a drive takes a command",
     )
     worse: float = _threshold(
         1.05, "growth of the error of whole replays that speaks against it", "less is chance"
