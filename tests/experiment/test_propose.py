@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from eha_bench.experiment.response import predicted_readings
 from eha_bench.plants.plant import Drive
 from eha_bench.suites import load_suite
 from eha_bench.targets.simulator import Simulator
+from spindle_plant import SPINDLE
 
 DELAY = ("command_delay", {"delay": 2e-3})
 LAG = ("current_lag", {"time_constant": 2e-3})
@@ -289,6 +291,28 @@ def test_a_suite_permits_its_setups_within_its_safety_limits(tmp_path: Path):
     for limits in found.limits.values():
         assert (limits["motor_speed"].low, limits["motor_speed"].high) == (-50.0, 40.0)
         assert limits["piston_position"].high == pytest.approx(0.04, rel=1e-3)
+
+
+def test_a_motor_without_a_limit_is_driven_as_far_as_it_has_been(tmp_path: Path):
+    plant = tmp_path / "plant.yaml"
+    plant.write_text(SPINDLE.replace(", current_limit: 41 A", ""))
+    item = rival(None, source=str(plant), known=("drag.coulomb",))
+    folder = write_question(
+        tmp_path / "diagnosis", [item], noise={"motor_speed": 0.3}, piston="free",
+        extremes={"current_command": (-8.0, 6.0), "motor_speed": (-100.0, 100.0)},
+    )  # fmt: skip
+    question = read_question(folder)
+    suite = tmp_path / "safe.yaml"
+    suite.write_text(
+        "name: safe\ntrials:\n  - {id: a, mode: current_command, duration: 1 s,\n"
+        "     signal: {kind: constant, value: 1 A}, safety: {motor_speed: <= 200 rad/s}}\n"
+    )
+    (own,) = question.rivals
+    commanded = Commanded.of(question)
+    assert commanded.limit == math.inf
+    found = permitted_ranges(own.model.plant, commanded, [own.vector], question.covered, suite)
+    ((low, high),) = {(item.low, item.high) for item in found.command.values()}
+    assert (low, high) == (-8.0, 6.0)
 
 
 def test_a_drive_permits_its_limits_and_what_its_fixture_can(tmp_path: Path):

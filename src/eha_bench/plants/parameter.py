@@ -8,6 +8,8 @@ from typing import Final
 
 MOST: Final = 1e40
 """SI; a number of a machine beyond it is a slip of the pen, and makes infinite what it meets."""
+UNLIMITED: Final = 1e9
+"""SI; a limit of a command of a part that is declared without one: none that matters."""
 
 
 @dataclass(frozen=True)

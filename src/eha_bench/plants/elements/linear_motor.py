@@ -22,10 +22,10 @@ from eha_bench.plants.network.element import (
     Port,
     Quantity,
 )
-from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.parameter import UNLIMITED, Parameter
 
 _CONSTANT = Parameter("force_constant", "N/V", 1.0, 1e-9, math.inf, "k", drawn=True)
-_LIMIT = Parameter("voltage_limit", "V", 1e9, 1e-6, math.inf, "", "none that matters")
+_LIMIT = Parameter("voltage_limit", "V", UNLIMITED, 1e-6, math.inf, "", "none that matters")
 
 
 def force(voltage: float, force_constant: float) -> float:

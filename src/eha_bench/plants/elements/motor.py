@@ -23,14 +23,14 @@ from eha_bench.plants.network.element import (
     Port,
     Quantity,
 )
-from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.parameter import UNLIMITED, Parameter
 
 _INF = math.inf
 _CONSTANT = Parameter("torque_constant", "N*m/A", 0.1, 1e-9, _INF, "K_T", drawn=True)
 _EMF = Parameter("voltage_constant", "V*s/rad", 0.1, 0.0, _INF, "K_E", "K_T where it is not given")
 _RESISTANCE = Parameter("resistance", "ohm", 1.0, 1e-6, _INF, "R")
-_CURRENT_LIMIT = Parameter("current_limit", "A", 1e9, 1e-6, _INF, "", "none that matters")
-_VOLTAGE_LIMIT = Parameter("voltage_limit", "V", 1e9, 1e-6, _INF, "", "none that matters")
+_CURRENT_LIMIT = Parameter("current_limit", "A", UNLIMITED, 1e-6, _INF, "", "none that matters")
+_VOLTAGE_LIMIT = Parameter("voltage_limit", "V", UNLIMITED, 1e-6, _INF, "", "none that matters")
 _DUTY_LIMIT = Parameter("duty_limit", "", 1.0, 1e-6, 1.0, "", "of a bridge")
 _SUPPLY = Parameter("supply_voltage", "V", 12.0, 0.0, _INF, "", "where it is not measured")
 

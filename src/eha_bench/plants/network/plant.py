@@ -37,6 +37,7 @@ from eha_bench.plants.network.roles import refuse_unknown_roles, roles_of, usual
 from eha_bench.plants.network.source import kernel_source
 from eha_bench.plants.network.system import BoundElement, System
 from eha_bench.plants.network.unread_states import UnreadState, unread_states
+from eha_bench.plants.parameter import UNLIMITED
 from eha_bench.plants.plant import Drive, Drives, ElasticPair, Parametrised, Plant
 
 _WORTH_A_BLOCK = 3
@@ -817,12 +818,13 @@ class NetworkPlant(Plant):
         return names[own.position] if own.name == node else ""
 
     def command_limit(self, vector: FloatArray) -> float:
-        """Return the largest command that the plant follows, SI, either way."""
+        """Return the largest command that the plant follows, SI, either way; inf for none."""
         for column in self.system.columns:
             if column.channel == self.command and column.command and column.command.limit:
                 assert column.part is not None
                 key = self.system.slot_of[f"{column.part.name}.{column.command.limit}"]
-                return float(vector[self.system.index[key]])
+                limit = float(vector[self.system.index[key]])
+                return limit if limit < UNLIMITED else math.inf
         return math.inf
 
     def position_range(self, vector: FloatArray) -> Mapping[str, tuple[float, float]]:
