@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from eha_bench.experiment.decision import (
     NOISES,
     DrawRows,
     distances,
+    is_spread,
     least_costs,
     odds,
     shares_of_a_decision,
@@ -169,3 +171,18 @@ def test_an_extreme_reaches_as_far_as_that_of_a_thousand_draws():
     # the largest of a thousand normal numbers is 3.24 on average
     assert np.mean(seen) == pytest.approx(3.24, abs=0.3)
     assert furthest(np.array([5.0])) == 5.0
+
+
+def test_a_gain_in_a_few_blocks_is_not_spread():
+    rng = np.random.default_rng(5)
+    nothing = np.zeros((400, 1))
+    once, everywhere = np.zeros(400), np.full(400, 1.0)
+    once[:10] = 20.0
+    for apart, needed in ((once, math.inf), (everywhere, 13)):
+        layout, rows, _ = linear(rng, [np.zeros(400), apart], [nothing, nothing], 0)
+        grams = blocks_of(rows, 40)
+        found = is_spread(layout, grams)
+        # by the likelihood ratio alone both are named
+        assert odds(layout, grams)[-1].right == 1.0
+        # n blocks of d = 10 each gain n d / sqrt(n (d^2 + 4 d)) deviations: 3 by 13 of them
+        assert found.tolist() == [number >= needed for number in range(1, 41)]

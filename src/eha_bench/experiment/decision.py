@@ -27,7 +27,7 @@ from itertools import combinations
 
 import numpy as np
 
-from eha_bench.core.arrays import FloatArray
+from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.response import Bench
@@ -190,12 +190,33 @@ def shares_of_a_decision(layout: DrawRows, grams: FloatArray) -> FloatArray:
         layout: of the rows. grams: inner products up to the end of each block.
     """
     reached = np.array([distances(layout, gram) for gram in grams])
-    parts = np.maximum(np.diff(reached, axis=0, prepend=0.0), 0.0)
-    total = np.cumsum(parts, axis=0)
     leads = np.array([max(layout.lead(r, q), layout.lead(q, r)) for r, q in layout.pairs])
+    enough = (reached / (_SUFFICES + leads)).min(axis=1)
+    return np.asarray(np.minimum(enough, _deviations(reached) ** 2 / _SPREAD**2))
+
+
+def is_spread(layout: DrawRows, grams: FloatArray) -> BoolArray:
+    """Return after which of so many blocks the gain comes from many of them, (blocks,).
+
+    A diagnosis believes a likelihood ratio at the noise only. A machine has other forms than any
+    rival, which show where it was not recorded before; blocks are resampled then, and a gain in a
+    few of them counts for nothing.
+
+    Args:
+        layout: of the rows. grams: inner products up to the end of each block.
+    """
+    return _deviations(np.array([distances(layout, gram) for gram in grams])) >= _SPREAD
+
+
+def _deviations(reached: FloatArray) -> FloatArray:
+    """Return the expected gain in standard deviations of a sum of resampled blocks, (blocks,).
+
+    Args:
+        reached: distance of each pair after each block, (blocks, pairs). The least one counts.
+    """
+    parts = np.maximum(np.diff(reached, axis=0, prepend=0.0), 0.0)
     spread = np.sqrt(np.cumsum(parts**2 + 4.0 * parts, axis=0))
-    spread_enough = total / np.maximum(spread, 1e-300) / _SPREAD
-    return np.asarray(np.minimum(reached / (_SUFFICES + leads), spread_enough**2).min(axis=1))
+    return np.asarray((np.cumsum(parts, axis=0) / np.maximum(spread, 1e-300)).min(axis=1))
 
 
 def posterior_after(

@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.candidates import Experiment
-from eha_bench.experiment.decision import DrawRows, Odds, odds
+from eha_bench.experiment.decision import DrawRows, Odds, is_spread, odds
 from eha_bench.experiment.lengthening import SHORTEST, longer
+from eha_bench.experiment.response import Responses
 from eha_bench.experiment.rival_simulator import (
     RivalSimulator,
     SimulatedExperiment,
@@ -35,6 +37,9 @@ _BETTER = 0.02
 """Rise of the probability that is worth more bench time."""
 _NO_BETTER = 2
 """Times that more bench time brings nothing until it is believed: draws are few."""
+_IN_FEW_BLOCKS = 1e-6
+"""What an experiment that decides by few blocks is short of: more than nothing, less than any that
+does not decide."""
 _WORTH = 0.5
 """Least probability of naming the right rival that is worth bench time."""
 
@@ -98,6 +103,12 @@ class Separating:
         """Whether the right rival is named as surely as asked for."""
         return found.right >= self.probability and found.wrong <= MOST_WRONG
 
+    def _short_of(self, found: Odds, *, spread: bool) -> float:
+        """Return how far an experiment is from one that suffices and whose gain is spread, or 0."""
+        if not self._suffices(found):
+            return 1.0 - found.worth
+        return 0.0 if spread else _IN_FEW_BLOCKS
+
     def _shortest(
         self, drawn: Sequence[SimulatedExperiment], layout: DrawRows
     ) -> tuple[list[Experiment], Odds]:
@@ -111,15 +122,16 @@ class Separating:
             gone = sum(item.ticks[-1] / rate for item in first)
             if gone >= self.budget or (best is not None and best[0][0] == 0.0 < gone >= best[0][1]):
                 continue
-            after = odds(layout, one_after_the_other(items))
-            own = after[len(after) - len(last.ticks) :]
-            for block, (tick, found) in enumerate(zip(last.ticks, own, strict=True)):
+            grams = one_after_the_other(items)
+            after = zip(odds(layout, grams), is_spread(layout, grams), strict=True)
+            own = list(after)[len(grams) - len(last.ticks) :]
+            for block, (tick, (found, spread)) in enumerate(zip(last.ticks, own, strict=True)):
                 seconds = gone + tick / rate
                 if seconds > self.budget + 0.5 / rate:
                     break
                 if seconds < SHORTEST and tick < last.ticks[-1]:
                     continue
-                short = 0.0 if self._suffices(found) else 1.0 - found.worth
+                short = self._short_of(found, spread=bool(spread))
                 if best is None or (short, seconds) < best[0]:
                     cut = [*(item.experiment for item in first), last.cut_after(block, rate)]
                     best = (short, seconds), cut, found
@@ -133,20 +145,27 @@ class Separating:
         Smaller than that is no better: what a machine does in tiny motions was not recorded either.
         """
         here = self.simulator.respond(chosen, layout)
+        was_spread = bool(is_spread(layout, self._products(chosen, here, layout))[-1])
         while chosen.size > _SMALLEST and self.simulator.goes_beyond(chosen, here):
             self.simulator.progress("gentler", 0.0)
             item = chosen.at_size(_GENTLER * chosen.size)
             responses = self.simulator.respond(item, layout)
             if not responses.safe:
                 break
-            last = self.simulator.ticks(item)[-1:]
-            (found,) = odds(layout, self.simulator.products(responses, layout, last, 50))
+            grams = self._products(item, responses, layout)
+            (found,) = odds(layout, grams[-1:])
             if found.right < min(expected.right, self.probability) or found.wrong > max(
                 expected.wrong, MOST_WRONG
             ):
                 break
+            if was_spread and not is_spread(layout, grams)[-1]:
+                break
             chosen, here = item, responses
         return chosen
+
+    def _products(self, item: Experiment, responses: Responses, layout: DrawRows) -> FloatArray:
+        """Return inner products up to the end of each block."""
+        return self.simulator.products(responses, layout, self.simulator.ticks(item), 50)
 
     def _lengthen_until_confirmed(self, chosen: list[Experiment]) -> list[Experiment]:
         """Return an experiment made longer until draws that did not choose it confirm its worth.
