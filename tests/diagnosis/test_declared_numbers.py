@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eha_bench.api import next_experiment, run
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.outcome.rival import Standing
+from eha_bench.experiment.proposal import ProposalEnding
 from eha_bench.recordings import write
 from eha_bench.report.diagnosis_text import headline
 
@@ -151,3 +154,74 @@ def test_a_number_that_others_make_up_for_is_named_where_these_are_not_as_believ
     status, verdict, _ = headline(found)
     assert status == "warned"
     assert "all would be as believed with motor.torque_constant" in verdict
+
+
+PUMP = """\
+plant: locked_pump
+nodes:
+  shaft:     {kind: rotation, inertia: 9e-4 kg*m^2}
+  rod:       {kind: translation, mass: 55 kg, stroke: [-40 mm, 40 mm]}
+  chamber_a: {kind: volume, bulk_modulus: 900 MPa, pressure: 0.6 MPa}
+  chamber_b: {kind: volume, bulk_modulus: 900 MPa, pressure: 0.6 MPa}
+  reservoir: {kind: reservoir, pressure: 6 bar}
+elements:
+  motor:    {kind: motor, on: shaft, torque_constant: 0.13 N*m/A}
+  pump:     {kind: pump, on: shaft, from: chamber_b, to: chamber_a, displacement: 1.1e-7 m^3/rad}
+  cylinder: {kind: cylinder, on: rod, a: chamber_a, b: chamber_b, area_a: 3.2 cm^2,
+             area_b: 3.2 cm^2, volume_a: 16 cm^3, volume_b: 16 cm^3}
+  drag:     {kind: friction, on: shaft, coulomb: 0.16 N*m, viscous: 0.005 N*m*s/rad}
+  leak:     {kind: laminar_leakage, between: [chamber_a, chamber_b], conductance: 3e-14 m^3/(s*Pa)}
+  suck_a:   {kind: check_valve, from: reservoir, to: chamber_a, conductance: 5e-10 m^3/(s*Pa)}
+  suck_b:   {kind: check_valve, from: reservoir, to: chamber_b, conductance: 5e-10 m^3/(s*Pa)}
+inputs:   {current_command: motor.current}
+channels: {motor_speed: shaft.speed, pressure_a: chamber_a.pressure,
+           pressure_b: chamber_b.pressure}
+calibrate: [shaft.inertia, drag.viscous, drag.coulomb, leak.conductance,
+            chamber_a.bulk_modulus, chamber_b.bulk_modulus]
+"""
+ONE_WAY = """\
+name: one_way
+defaults: {mode: current_command, sample_rate: 500 Hz, setup: {piston: locked}}
+trials:
+  - {id: a, duration: 4 s, signal: {kind: sine, amplitude: 4 A, offset: 6 A, frequency: 0.6 Hz}}
+  - {id: b, duration: 4 s, signal: {kind: sine, amplitude: 3 A, offset: 6 A, frequency: 0.4 Hz}}
+"""
+
+
+@pytest.mark.slow(60)
+def test_an_effect_that_explains_as_much_as_a_number_is_a_rival_to_separate(tmp_path: Path) -> None:
+    """A pump that turns one way only: friction by the pressure is a smaller torque constant."""
+    files = {
+        "plant.yaml": PUMP,
+        "truth.yaml": "model: plant.yaml\neffects:\n  - {effect: pressure_dependent_friction, "
+                      "at: shaft, friction_coefficient: 0.06}\n",
+        "rig.yaml": "target: simulator\nmodel: truth.yaml\n",
+        "one_way.yaml": ONE_WAY,
+        "limits.yaml": "name: limits\ndefaults: {mode: current_command, sample_rate: 500 Hz}\n"
+                       "trials:\n  - {id: a, duration: 1 s, setup: {piston: locked},\n"
+                       "     signal: {kind: constant, value: 0 A},\n"
+                       "     safety: {pressure_a: <= 25 MPa, pressure_b: <= 25 MPa,\n"
+                       "              current_command: -8 A .. 8 A}}\n",
+        "dataset.yaml": "model: plant.yaml\ninputs: [current_command]\nruns:\n"
+                        "  - {log: runs/recordings/a-0.mcap, piston: locked}\n"
+                        "  - {log: runs/recordings/b-0.mcap, piston: locked, use: holdout}\n",
+    }  # fmt: skip
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    run(tmp_path / "one_way.yaml", tmp_path / "rig.yaml", tmp_path / "runs")
+    found = diagnose(tmp_path / "dataset.yaml", out=tmp_path / "diagnosis")
+    assert found.verdict is Verdict.NONE
+    # or the pump's displacement: what one turn of it takes is all that these runs show
+    ((number, declared),) = found.corrected.items()
+    said = f"do not distinguish {number} from pressure_dependent_friction"
+    assert any(said in note for note in found.notes)
+    equal = {item.cause: item for item in found.rivals if item.standing is not Standing.RUNNER_UP}
+    assert {"none", "pressure_dependent_friction"} <= {*equal}
+    # each has the number that it needs
+    at = found.revised.plant.layout.index[number]
+    needed = {name: item.model.vector()[at] / declared for name, item in equal.items()}
+    assert needed["pressure_dependent_friction"] == pytest.approx(1.0)
+    assert abs(needed["none"] - 1.0) > 0.03
+    planned = next_experiment(tmp_path / "diagnosis", safety=tmp_path / "limits.yaml")
+    assert planned.ending is ProposalEnding.PROPOSED
+    assert set(planned.rivals) >= {"none", "pressure_dependent_friction"}

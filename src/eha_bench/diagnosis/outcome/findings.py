@@ -216,6 +216,12 @@ def _notes_of_other_numbers(search: Search) -> list[str]:
                 f"another number explains about as much as {' and '.join(item.start.keys)}: "
                 f"{' or '.join(said)}; check them against the drawing"
             )
+        if item.equivalent:
+            notes.append(
+                f"these data do not distinguish {' and '.join(item.start.keys)} from "
+                f"{' or '.join(item.equivalent)}: check the number first; `eha-bench next` plans "
+                "the experiment that separates them"
+            )
     return notes
 
 

@@ -1,9 +1,10 @@
 """Fits what the data cannot tell from what was found, so that an experiment can be planned for it.
 
-An equivalent candidate takes the place of the effect that it equals, the others are fitted with it
-again. What came next in the same look stays as it was fitted there. Where a curve was learned, so
-are those of other variables that explain nearly as much. Where causes cannot be distinguished, so
-are the other forms of each: what one form predicts of an experiment, another may not.
+An equivalent candidate takes the place of the effect that it equals, or of the number, the others
+are fitted with it again. What came next in the same look stays as it was fitted there. Where a
+curve was learned, so are those of other variables that explain nearly as much. Where causes cannot
+be distinguished, so are the other forms of each: what one form predicts of an experiment, another
+may not.
 """
 
 from __future__ import annotations
@@ -57,8 +58,14 @@ def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[
     Args:
         search: finished. decision: on it. found: what came of it.
     """
+    rivals = [
+        rival
+        for item in search.accepted
+        if item.start.is_parameter and found.verdict is not Verdict.UNKNOWN
+        for rival in _equal_to(search, item, found.recalibrated)
+    ]
     if found.verdict is Verdict.EFFECT:
-        rivals = [rival for item in search.effects for rival in _in_place_of(search, item, found)]
+        rivals += [rival for item in search.effects for rival in _in_place_of(search, item, found)]
         if any(item.standing is Standing.EQUIVALENT for item in rivals):
             names = [item.start.candidate for item in search.effects]
             rivals += [
@@ -68,8 +75,6 @@ def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[
             ]  # fmt: skip
     elif found.verdict is Verdict.UNKNOWN and decision.learned:
         rivals = list(_other_curves(search, decision, found))
-    else:
-        rivals = []
     taken = {item.id for item in found.rivals}
     unique = {item.id: item for item in reversed(rivals) if item.id not in taken}
     return tuple(sorted(unique.values(), key=lambda item: (item.standing.value, item.behind)))
@@ -80,15 +85,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
     name = item.start.candidate
     look = search.look_of(item)
     own = next((trial for trial in look if trial.candidate == name), None)
-    model = found.revised
-    others = [other for other in search.effects if other is not item]
-    for trial in look:
-        if trial.candidate in item.equivalent:
-            fit = fit_in_place(search, item, trial)
-            added = [*(other.start.candidate for other in others), trial.candidate]
-            behind = fit.cost - search.fit.cost
-            yield _rival(search, fit, model, added, Standing.EQUIVALENT, behind)
-            yield from _forms(search, item, trial.start, fit, model, added)
+    yield from _equal_to(search, item, found.revised)
     if own is None:
         return
     before = search.effects[: search.effects.index(item)]
@@ -105,7 +102,23 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
         added = [*(other.start.candidate for other in before), trial.candidate]
         # by the noise as it is told in the end; a look's costs are of the noise of before
         behind = cost_of(search.problem, trial.fit.vector) - search.fit.cost
-        yield _rival(search, trial.fit, model, added, Standing.RUNNER_UP, behind)
+        yield _rival(search, trial.fit, found.revised, added, Standing.RUNNER_UP, behind)
+
+
+def _equal_to(search: Search, item: Accepted, declared: Model) -> Iterator[Rival]:
+    """Yield what the data cannot tell from an effect, or from a number that is declared wrongly.
+
+    Args:
+        search: finished. item: that was added. declared: the model of what a rival does not fit.
+    """
+    others = [other.start.candidate for other in search.effects if other is not item]
+    for trial in search.look_of(item):
+        if trial.candidate in item.equivalent:
+            fit = fit_in_place(search, item, trial)
+            added = [*others, trial.candidate]
+            behind = fit.cost - search.fit.cost
+            yield _rival(search, fit, declared, added, Standing.EQUIVALENT, behind)
+            yield from _forms(search, item, trial.start, fit, declared, added)
 
 
 def _rival(
