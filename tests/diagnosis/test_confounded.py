@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from eha_bench.diagnosis.data.measured import Measured
-from eha_bench.diagnosis.outcome.confounded import confounding_notes
+from eha_bench.diagnosis.outcome.confounded import (
+    confounding_notes,
+    constant_load_notes,
+    one_way_notes,
+)
+from eha_bench.diagnosis.outcome.diagnosis import FoundEffect
 from eha_bench.plants.channel_roles import KNOWN
 from eha_bench.plants.registry import get_plant
 
@@ -42,3 +47,37 @@ def test_it_is_said_where_no_run_tells_them_apart(runs, effect, said) -> None:
         assert "speed and pressure are confounded" in notes[0]
         assert "lower where pressure_a is higher" in notes[0]
         assert effect in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("sign", "calibrated", "said"),
+    [
+        (1.0, ["drag.coulomb", "drag.viscous"], True),
+        (1.0, ["drag.viscous"], False),
+        # one run there, and one back
+        (-1.0, ["drag.coulomb"], False),
+    ],
+)
+def test_a_dry_friction_of_one_way_may_hold_a_load(sign, calibrated, said) -> None:
+    def run(rate: float) -> Measured:
+        values = np.column_stack([np.full(TIME.size, 5e6), rate * TIME])
+        names = ("pressure_a", "piston_position")
+        valid = np.ones(values.shape, dtype=bool)
+        return Measured(None, TIME, {}, names, values, valid, roles=KNOWN)
+
+    noise = {"pressure_a": 1e3, "piston_position": 1e-5}
+    notes = one_way_notes([run(0.01), run(sign * 0.01)], noise, calibrated)
+    assert bool(notes) == said
+    if said:
+        assert (
+            "goes one way (piston_position), so drag.coulomb may hold a constant load" in notes[0]
+        )
+
+
+@pytest.mark.parametrize(("at", "said"), [("shaft", True), ("joint", False)])
+def test_a_load_that_could_not_be_tried_is_named(at, said) -> None:
+    found = FoundEffect("asymmetric_friction", "torque", {}, {}, 0.9, 1e-9, at)
+    notes = constant_load_notes(get_plant("eha_knee"), [found])
+    assert bool(notes) == said
+    if said:
+        assert "a constant load at 'shaft'" in notes[0]

@@ -13,7 +13,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.measured import Measured
-from eha_bench.diagnosis.data.reversals import turns_back
+from eha_bench.diagnosis.data.reversals import goes_one_way, turns_back
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.problem import Problem
@@ -91,3 +91,11 @@ def test_no_play_is_a_candidate_where_nothing_turns_back(plant: Plant) -> None:
     )
     assert swing - one_way == {"joint_backlash"}
     assert "command_delay" in one_way
+
+
+def test_runs_of_both_ways_go_both_ways_together(plant: Plant) -> None:
+    there = run_of(plant, piston_position=0.04 * TIME, piston_velocity=0.04 + 0.0 * TIME)
+    back = run_of(plant, piston_position=-0.04 * TIME, piston_velocity=-0.04 + 0.0 * TIME)
+    assert goes_one_way([there, there], NOISE) == ("piston_position", "piston_velocity")
+    assert goes_one_way([there, back], NOISE) == ()
+    assert goes_one_way([run_of(plant, pressure_a=5e6 + 1e6 * TIME)], NOISE) == ()

@@ -7,8 +7,8 @@ as happens to lie ahead, and a delayed command looks the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -29,22 +29,44 @@ def turns_back(runs: Sequence[Measured], noise: Mapping[str, float]) -> bool:
     Args:
         runs: that are fitted. noise: of their channels, SI.
     """
-    told = False
-    for item in runs:
-        for name in item.outputs:
-            read = item.column(name)
-            if read is None or not (name in item.roles.rates or name in item.roles.rate_of):
-                continue
-            told = True
-            column = read[np.isfinite(read)]
-            ways = (
-                (float(column.max()), float(-column.min()))
-                if name in item.roles.rates
-                else (_farthest(column), _farthest(-column))
-            )
-            if min(ways) > max(_NOISE * noise.get(name, 0.0), _SHARE * float(np.ptp(column))):
-                return True
-    return not told
+    moved = [way for item in runs for way in _ways(item, noise)]
+    return not moved or any(min(way.up, way.down) > way.least for way in moved)
+
+
+def goes_one_way(runs: Sequence[Measured], noise: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the positions and speeds that go one way only in all runs together.
+
+    Args:
+        runs, noise: as of `turns_back`.
+    """
+    moved = [way for item in runs for way in _ways(item, noise)]
+    both = {way.channel for way in moved if way.up > way.least} & {
+        way.channel for way in moved if way.down > way.least
+    }
+    return tuple(dict.fromkeys(way.channel for way in moved if way.channel not in both))
+
+
+class _Way(NamedTuple):
+    """How far something goes either way in a run, SI, and what is no motion of it."""
+
+    channel: str
+    up: float
+    down: float
+    least: float
+
+
+def _ways(item: Measured, noise: Mapping[str, float]) -> Iterator[_Way]:
+    """Yield how far each position and speed of a run goes."""
+    for name in item.outputs:
+        read = item.column(name)
+        if read is None or not (name in item.roles.rates or name in item.roles.rate_of):
+            continue
+        column = read[np.isfinite(read)]
+        least = max(_NOISE * noise.get(name, 0.0), _SHARE * float(np.ptp(column)))
+        if name in item.roles.rates:
+            yield _Way(name, float(column.max()), float(-column.min()), least)
+        else:
+            yield _Way(name, _farthest(column), _farthest(-column), least)
 
 
 def _farthest(position: FloatArray) -> float:

@@ -19,13 +19,14 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.data.measured import Measured
+from eha_bench.diagnosis.data.reversals import goes_one_way
 from eha_bench.diagnosis.outcome.diagnosis import FoundEffect
 from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.plant import Plant
@@ -39,6 +40,9 @@ _VARIES = 1.2
 _MOVES = 0.2
 """Share of a run's largest speed from which something moves."""
 _WEIGHT = "gravity_load"
+_LOPSIDED = "asymmetric_friction"
+_DRY = "coulomb"
+"""In the name of a dry friction's size."""
 _SMALL = 0.2
 """Share of a declared weight up to which first order holds: 2 % of it is lost."""
 _LAGS_OF_DRIVES = ("current_lag", "command_lag")
@@ -102,6 +106,47 @@ def lag_notes(compared: Collection[str], plant: Plant, effects: Sequence[BoundEf
         f"'{name}' alone is read: {' or '.join(others)} would look much like {named[0]}; log a "
         "position, or a current, as well"
         for name in compared
+    ]
+
+
+def one_way_notes(
+    measured: Sequence[Measured], noise: Mapping[str, float], calibrated: Collection[str]
+) -> list[str]:
+    """Return what a dry friction holds as well where nothing goes both ways.
+
+    Args:
+        measured: runs that were fitted. noise: of their channels. calibrated: keys of parameters.
+    """
+    dry = [key for key in calibrated if _DRY in key.rpartition(".")[2]]
+    moving = {name for item in measured for name in item.outputs if name in item.roles.rates}
+    moving |= {name for item in measured for name in item.outputs if name in item.roles.rate_of}
+    one_way = goes_one_way(measured, noise)
+    if not dry or not one_way or set(one_way) != moving:
+        return []
+    return [
+        f"every fitted run goes one way ({', '.join(one_way)}), so {' and '.join(sorted(dry))} "
+        "may hold a constant load, or a friction that differs by direction, as well: record runs "
+        "that go both ways"
+    ]
+
+
+def constant_load_notes(plant: Plant, effects: Sequence[FoundEffect]) -> list[str]:
+    """Return what looks like a friction that differs by direction, where no weight was tried.
+
+    Args:
+        plant: of the model. effects: those that were found.
+    """
+    tried = {
+        spot.name
+        for effect in plant.layout.effects
+        if effect.id == _WEIGHT
+        for spot in effect.spots
+    }
+    return [
+        f"CAUTION: a constant load at '{item.at}' (a weight on a drum, a zero of the command) "
+        f"looks much like {item.id} while it moves; at rest, without a command, it pulls"
+        for item in effects
+        if item.id == _LOPSIDED and item.at not in tried
     ]
 
 

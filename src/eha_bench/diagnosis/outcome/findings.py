@@ -27,7 +27,9 @@ from eha_bench.diagnosis.fit.uncertainty import (
 )
 from eha_bench.diagnosis.outcome.confounded import (
     confounding_notes,
+    constant_load_notes,
     lag_notes,
+    one_way_notes,
     zero_offset_notes,
 )
 from eha_bench.diagnosis.outcome.decide import Decision
@@ -120,6 +122,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         model, {key: float(fit.vector[layout.index[key]]) for key in keys if key in layout.index},
         ended.at_bounds,
     )  # fmt: skip
+    notes += one_way_notes(base.measured, search.problem.noise, keys)
     if decision.verdict is not Verdict.NONE:
         if untried := shown_by_no_run(search.problem):
             notes.append(
@@ -130,6 +133,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         notes += confounding_notes(base.measured, named)
         notes += lag_notes(search.problem.noise, model.plant, named)
         notes += zero_offset_notes(model.plant, fit.vector, effects)
+        notes += constant_load_notes(model.plant, effects)
     final = revised_model(model, fit.vector, keys, added)
     return Diagnosis(
         decision.verdict,
