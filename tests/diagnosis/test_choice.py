@@ -36,7 +36,10 @@ STRENGTHS = {
     THIRD: "command_delay.delay",
 }
 VALVE_CYLINDER = Model("valve_cylinder")
-PLAIN = SimpleNamespace(action=SimpleNamespace(opens=None), effect=SimpleNamespace(yields_to=""))
+PLAIN = SimpleNamespace(
+    action=SimpleNamespace(opens=None), effect=SimpleNamespace(yields_to=""),
+    strength=SimpleNamespace(unit=""), reversing=False,
+)  # fmt: skip
 """An effect that opens at no setting and yields to none."""
 GAINED = Improvement(1000.0, 900.0, 1.0, 0.9, 1e-9, 1.0, 0.9)
 
@@ -140,6 +143,8 @@ def test_a_valve_that_is_hardly_shut_yields_to_a_leak(
         id=RIVAL,
         action=SimpleNamespace(opens=SimpleNamespace(setting=name)),
         effect=replace(bound.effect, yields_to=RIGHT),
+        strength=bound.strength,
+        reversing=False,
     )
     monkeypatch.setattr(type(layout), "effect", lambda _, name: valve if name == RIVAL else PLAIN)
     best = search.fit.cost - 1000.0

@@ -150,6 +150,7 @@ NOTHING_REACHED = SimpleNamespace(
         layout=SimpleNamespace(
             effect=lambda _id: SimpleNamespace(
                 strength=SimpleNamespace(name="size", unit=""),
+                reversing=False,
                 needed=lambda _values: None,
                 parameters=(),
             ),
@@ -343,6 +344,27 @@ def test_an_effect_that_takes_a_parameter_far_from_what_is_believed(
     ],
 )
 def test_a_lag_that_stamps_do_not_tell_is_none(name, size, tick, says):
+    window = SimpleNamespace(measured=SimpleNamespace(tick=tick))
+    told = _at_the_end(name, size, windows=[window])
+    assert (told is not None) is bool(says)
+    assert told is None or says in told.reason
+
+
+@pytest.mark.parametrize(
+    ("size", "noise", "says"),
+    [
+        (8e-6, 1.5e-5, "its gap is 8e-06 m, and 'piston_position' is read to 1.5e-05 m"),
+        (3e-5, 1.5e-5, ""),
+    ],
+)
+def test_a_play_within_the_noise_of_its_sensor_is_none(size, noise, says):
+    told = _at_the_end("joint_backlash", size, noise={"piston_position": noise, "joint_angle": 1.0})
+    assert (told is not None) is bool(says)
+    assert told is None or says in told.reason
+
+
+def _at_the_end(name, size, **problem):
+    """Return what refuses an effect of a size on the knee at the end, or None."""
     from eha_bench.plants.registry import get_plant
 
     plant = get_plant("eha_knee")
@@ -352,14 +374,9 @@ def test_a_lag_that_stamps_do_not_tell_is_none(name, size, tick, says):
     vector[at] = size
     start = Start(name, (), at, 0.0, 2e-3, 0.0, 0.5, (), "actuation")
     end = replace(found(), revised=SimpleNamespace(vector=lambda: vector))
-    problem = SimpleNamespace(
-        places=NOTHING_REACHED.places, plant=plant, beliefs=(),
-        windows=[SimpleNamespace(measured=SimpleNamespace(tick=tick))],
-    )  # fmt: skip
+    asked = SimpleNamespace(places=NOTHING_REACHED.places, plant=plant, beliefs=(), **problem)
     items = [Accepted(start, GOOD, ())]
-    told = against_the_end(SimpleNamespace(effects=items, thresholds=DEFAULT, problem=problem), end)
-    assert (told is not None) is bool(says)
-    assert told is None or says in told.reason
+    return against_the_end(SimpleNamespace(effects=items, thresholds=DEFAULT, problem=asked), end)
 
 
 @pytest.mark.parametrize(

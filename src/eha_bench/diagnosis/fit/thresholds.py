@@ -27,7 +27,7 @@ QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "Is another one as good?": ("behind", "behind_share", "chance", "white"),
     "Does an effect stand in the end?": (
-        "loose", "little", "form", "likely", "clear", "instant", "worse",
+        "loose", "little", "form", "likely", "clear", "instant", "narrow", "worse",
     ),
     "Which verdict?": ("explained", "beaten", "instead", "nothing", "follows"),
     "Do held-out runs agree?": ("windows", "replays"),
@@ -185,6 +185,11 @@ class Thresholds:
         0.05,
         "share of the time between samples below which a delay or lag is none",
         "stamps of a log are no better, nor is when a drive takes a command",
+    )
+    narrow: float = _threshold(
+        1.0,
+        "standard deviations of a position's noise below which a play is none",
+        "the steps of an encoder, and hysteresis in reading it, make as much",
     )
     worse: float = _threshold(
         1.05, "growth of the error of whole replays that speaks against it", "less is chance"

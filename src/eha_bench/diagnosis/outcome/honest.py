@@ -11,8 +11,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import exp, isfinite, isnan, log, sqrt
 
-import numpy as np
-
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
@@ -32,6 +30,7 @@ from eha_bench.diagnosis.search.backward import (
     is_within_disagreement,
     without,
 )
+from eha_bench.diagnosis.search.resolution import below_reading
 from eha_bench.diagnosis.search.state import Accepted, Search
 
 _MOST = 0.5
@@ -182,7 +181,7 @@ def _beyond(search: Search, item: Accepted, vector: FloatArray) -> str:
     """Say that an effect is at a bound, or what it changes beyond what is believed, or nothing."""
     return (
         _at_bound(search, item, vector)
-        or _within_stamps(search, item, vector)
+        or below_reading(search, item.start, vector)
         or _beyond_belief(search, item, vector)
         or _part_of_a_law(search, item, vector)
     )
@@ -241,22 +240,6 @@ def _at_bound(search: Search, item: Accepted, vector: FloatArray) -> str:
     name = key.removeprefix(f"{effect.id}.")
     unit = effect.parameter_at(name, layout.choice_values(effect, vector)).unit
     return f"its {name} is at the bound that the recordings set, {most:.4g} {unit}"
-
-
-def _within_stamps(search: Search, item: Accepted, vector: FloatArray) -> str:
-    """Say that a delay or lag is shorter than stamps tell, or nothing."""
-    layout = search.problem.plant.layout
-    effect = layout.effect(item.start.candidate)
-    if effect.strength.unit != "s":
-        return ""
-    size = float(vector[item.start.strength_at])
-    tick = float(np.median([window.measured.tick for window in search.problem.windows]))
-    if size >= search.thresholds.instant * tick:
-        return ""
-    return (
-        f"its {effect.strength.name} is {1e3 * size:.2g} ms where samples are {1e3 * tick:.3g} ms "
-        "apart: stamps do not tell so little"
-    )
 
 
 def _against(search: Search, item: Accepted) -> str:

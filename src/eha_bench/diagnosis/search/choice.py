@@ -8,6 +8,7 @@ from eha_bench.diagnosis.fit.candidates import SheetNumber, is_drawn
 from eha_bench.diagnosis.fit.evidence import against_beliefs
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import CHANCE, is_as_good, tie
+from eha_bench.diagnosis.search.resolution import below_reading
 from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.diagnosis.search.yielding import yields_to
 
@@ -89,6 +90,8 @@ def _is_acceptable(search: Search, item: Refit) -> bool:
     if not _relieves(search, item):
         return False
     if isinstance(item.start, SheetNumber) and not item.start.is_within(item.fit.vector):
+        return False
+    if below_reading(search, item.start, item.fit.vector):
         return False
     if is_drawn(search.problem.plant.layout, item.start):
         # one that is only bent by what is missing explains a part of it, and carries over badly
