@@ -174,7 +174,7 @@ def _say_verdict(found: Diagnosis) -> None:
         say(f"  a sensor reads wrongly, nothing else is missing: {found.unknown.sensor}")
     elif found.unknown and found.unknown.equation and found.unknown.variables:
         place = f", at {found.unknown.at}" if found.unknown.at else ""
-        variables = ", ".join(found.unknown.variables)
+        variables = ", ".join(found.unknown.in_words)
         say(
             f"  unknown effect in the {found.unknown.equation} equation{place}, "
             f"depends on {variables}"

@@ -21,7 +21,9 @@ class ChannelRoles:
             as fast it moves, as declared.
         turning: rate -> the state that is its angle, where something may repeat with the turn.
         pressures: pressures that are states.
-        pair: the two chambers whose difference and sum are looked at, () where there are none.
+        pair: the two chambers of a cylinder, () where there are none.
+        facing: the two pressures whose difference and sum something may follow: the pair, or those
+            on both sides of a pump or a hydraulic motor; () where there are none.
         commands: inputs that are asked for: held between samples, and exact.
         remembered: commands of what may have play: where they turned before says where it is.
         followed: inputs that a controller inside the plant makes a position follow.
@@ -42,6 +44,7 @@ class ChannelRoles:
     turning: Mapping[str, str] = field(default_factory=dict)
     pressures: tuple[str, ...] = ()
     pair: tuple[str, ...] = ()
+    facing: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
     remembered: tuple[str, ...] = ()
     followed: tuple[str, ...] = ()
@@ -63,6 +66,7 @@ KNOWN = ChannelRoles(
     turning={"motor_speed": "shaft_angle"},
     pressures=("pressure_a", "pressure_b"),
     pair=("pressure_a", "pressure_b"),
+    facing=("pressure_a", "pressure_b"),
     commands=("current_command", "reference", "voltage", "pulses"),
     followed=("reference",),
     on_top=("pulses",),

@@ -140,7 +140,7 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
             "Sensor" if found.unknown.sensor else "Unknown",
             unknown_place(found.unknown),
             unknown_text(found.unknown, found.revised.effects),
-            "" if found.unknown.sensor else ", ".join(map(words_of, found.unknown.variables)),
+            "" if found.unknown.sensor else ", ".join(map(words_of, found.unknown.in_words)),
             times(found.unknown.when),
             curve_view(curve, key="learned", title="The learned curve") if curve else None,
         ),

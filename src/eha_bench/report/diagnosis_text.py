@@ -109,7 +109,7 @@ def _verdict(found: Diagnosis) -> str:
         return "Something is missing from the model; what it is remains open"
     if found.unknown.sensor:
         return f"A sensor reads wrongly: {found.unknown.sensor}"
-    on = _enumeration([words_of(name) for name in found.unknown.variables])
+    on = _enumeration([words_of(name) for name in found.unknown.in_words])
     depends = f" and depends on {on}" if on else ""
     return f"Something unknown acts in {where(found.unknown.equation)}{depends}"
 

@@ -17,6 +17,7 @@ from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.lost_inputs import LostValues
 from eha_bench.diagnosis.data.noise import noise_of, quantum_of
 from eha_bench.diagnosis.data.repeats import distinct
+from eha_bench.diagnosis.data.slopes import Slope, slope_of
 from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.wander import Wander
 from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
@@ -224,6 +225,31 @@ class Measured:
         read = np.append(self.time[np.isfinite(speed)], np.inf)
         ends = np.flatnonzero(np.diff(read) > max(_UNREAD, 3.0 * float(np.median(np.diff(read)))))
         return np.where(self.time <= read[ends[0]], self.shaft_angle, np.nan)
+
+    @cached_property
+    def slopes(self) -> dict[str, Slope]:
+        """Rates that nothing reads, by their states: the slopes of positions that were read.
+
+        Behind a gear they are divided by its declared ratio. What the setup locks has none.
+        """
+        found: dict[str, Slope] = {}
+        for name, rate in self.roles.rate_of.items():
+            if rate in found or self.read(rate) is not None:
+                continue
+            if self.run.locked and name in self.roles.locked:
+                found[rate] = Slope(np.zeros(self.time.size), 0.0, name)
+                continue
+            position = self.read(name)
+            if position is None:
+                continue
+            # the noise of what is read in steps is one of these, at least
+            noise = np.nan_to_num(_noise_of_column(self, name, position))
+            noise = max(float(noise), quantum_of(position[np.isfinite(position)]) / np.sqrt(12.0))
+            _, ratio = self.roles.geared.get(name, ("", 1.0))
+            slope = slope_of(self.time, self.at(name, slice(None)), position, noise, name)
+            if slope is not None:
+                found[rate] = Slope(slope.values / ratio, slope.noise / abs(ratio), name)
+        return found
 
     def drive(
         self, first: int, last: int, initial: Mapping[str, float] | None = None, history: int = 0

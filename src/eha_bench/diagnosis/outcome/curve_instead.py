@@ -54,7 +54,7 @@ def curve_instead(search: Search, left: Remainder, step: float) -> Refusal | Non
             return Refusal(
                 item,
                 f"with it {per_cent(known)} of what is missing is explained, and a curve of "
-                f"{left.variable} at '{left.at}' explains {per_cent(alone)} without it",
+                f"{left.follows} at '{left.at}' explains {per_cent(alone)} without it",
                 imitates=True,
             )
     return None

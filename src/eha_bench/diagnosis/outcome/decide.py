@@ -251,7 +251,7 @@ def without_curve(decision: Decision, search: Search, why: str) -> Decision:
     if unknown is not None and not unknown.share > search.thresholds.explained:
         text = (
             f"something {acts_in(unknown.equation or '', unknown.at)}; the best curve, of "
-            f"{', '.join(unknown.variables)}, explains {per_cent(unknown.share)} of the excess in "
+            f"{', '.join(unknown.in_words)}, explains {per_cent(unknown.share)} of the excess in "
             "windows and makes whole runs worse, so what it depends on remains open"
         )
         unknown = Unknown(unknown.equation, (), text, unknown.share, at=unknown.at)
@@ -278,19 +278,18 @@ def _decision_with_curve(
         unknown = Unknown(best.template.equation, (), text, 0.0)
         return Decision(Verdict.UNKNOWN, search.fit, notes, unknown)
     template = best.template
+    name = best.follows
     period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
     text = f"something {acts_in(template.equation, template.place)}"
     follows = share > search.thresholds.follows
     if follows:
         comma = "," if "," in text else ""
-        text += f"{comma} and depends on {template.variable}"
+        text += f"{comma} and depends on {name}"
         if period:
             text += f", periodic with {period:.4g} (SI)"
         text += f"; a learned curve explains {per_cent(min(share, 1.0))} of the excess"
     else:
-        text += (
-            f"; a curve of {template.variable} explains {per_cent(max(share, 0.0))} of the excess, "
-        )
+        text += f"; a curve of {name} explains {per_cent(max(share, 0.0))} of the excess, "
         text += "so it depends on several variables, or on the past"
     when = (
         times_of(search.problem, fit, search.declared_vector) if template.variable == "time" else ()
@@ -309,6 +308,7 @@ def _decision_with_curve(
             period if follows else 0.0,
             when if follows else (),
             template.place,
+            derived={template.variable: best.position} if follows and best.position else {},
         ),
         learned,
     )

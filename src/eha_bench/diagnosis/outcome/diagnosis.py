@@ -15,6 +15,7 @@ from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.lazy import later
+from eha_bench.diagnosis.data.slopes import in_words
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.remainder import Remainder
@@ -85,6 +86,7 @@ class Unknown:
         at: node, element or sensor where the learned curve acts; "" where there is none.
         where: values of a channel at which the model errs most, as a clause; "" where about alike.
         sensor: what the sensor reads in which it acts, as a clause; "" where that is not known.
+        derived: variable that is no channel -> channel of the position whose slope it is.
     """
 
     equation: str | None
@@ -96,6 +98,12 @@ class Unknown:
     at: str = ""
     where: str = ""
     sensor: str = ""
+    derived: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """What it depends on, and of which channel that is the derivative."""
+        return tuple(in_words(name, self.derived.get(name, "")) for name in self.variables)
 
 
 ADDED: Final = "added"
@@ -249,6 +257,7 @@ class Diagnosis:
                 "equation": self.unknown.equation,
                 "at": self.unknown.at or None,
                 "variables": list(self.unknown.variables),
+                "derived": dict(self.unknown.derived),
                 "description": self.unknown.description,
                 "share": finite_or_none(self.unknown.share),
                 "period": self.unknown.period or None,

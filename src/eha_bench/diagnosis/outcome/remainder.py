@@ -15,6 +15,7 @@ from typing import Any
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.data.slopes import in_words
 from eha_bench.diagnosis.outcome.whereabouts import acts_in, element_of
 from eha_bench.diagnosis.search.state import ALL_BUT_A_FORM, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
@@ -40,6 +41,7 @@ class Remainder:
         found_there: effects at the same place: their law may be another one, and then their
             sizes have no intervals.
         curve: what `explained` is of, None where none explains any of it.
+        position: channel whose derivative the variable is, "" where the variable is a channel.
     """
 
     share: float
@@ -50,6 +52,12 @@ class Remainder:
     near: tuple[str, ...] = ()
     found_there: tuple[str, ...] = ()
     curve: LocatedCurve | None = None
+    position: str = ""
+
+    @property
+    def follows(self) -> str:
+        """The variable, and of which channel it is the derivative."""
+        return in_words(self.variable, self.position)
 
     @property
     def note(self) -> str:
@@ -60,7 +68,7 @@ class Remainder:
             return text + "is too little to tell where it acts"
         text += acts_in(self.equation, self.at)
         if self.variable:
-            text += f"; a curve of {self.variable} explains {per_cent(self.explained)} of it"
+            text += f"; a curve of {self.follows} explains {per_cent(self.explained)} of it"
         else:
             text += "; no curve of one variable explains any of it"
         if self.near:
@@ -80,6 +88,7 @@ class Remainder:
             "equation": self.equation,
             "at": self.at or None,
             "variables": [self.variable] if self.variable else [],
+            "derived": {self.variable: self.position} if self.position else {},
             "explained": self.explained,
         }
 
@@ -106,7 +115,8 @@ def remainder(
     here = acting_at(search.problem.plant, at)
     there = tuple(name for name, balance, where in places if balance == equation and where in here)
     variable = best.template.variable
-    return Remainder(share, equation, at, variable, min(best.share, 1.0), near, there, best)
+    explained = min(best.share, 1.0)
+    return Remainder(share, equation, at, variable, explained, near, there, best, best.position)
 
 
 def acting_at(plant: Plant, place: str) -> frozenset[str]:

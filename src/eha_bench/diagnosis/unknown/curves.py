@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.data.slopes import in_words
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, groups_of
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import Problem, soften
@@ -18,6 +19,9 @@ from eha_bench.plants.effects.learned import KNOTS as CURVE_KNOTS
 _HATS = 6
 _TREND = 4
 _MORE = 0.02
+_NOISY = 0.1
+"""Largest part of noise in the variance of a position's slope: by as much a law of it comes out too
+flat (Fuller, Measurement Error Models, Wiley 1987, section 1.1)."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,7 @@ class LocatedCurve:
         share: part of the short windows' excess that it explains on runs left out.
         knots: (k,) values of the variable; values: (k,) the curve there.
         period: of the variable, 0 where not periodic.
+        position: channel whose derivative the variable is; "" where it is read itself.
     """
 
     template: Template
@@ -36,6 +41,12 @@ class LocatedCurve:
     knots: FloatArray
     values: FloatArray
     period: float = 0.0
+    position: str = ""
+
+    @property
+    def follows(self) -> str:
+        """The variable, and of which channel it is the derivative."""
+        return in_words(self.template.variable, self.position)
 
 
 class Curves:
@@ -69,7 +80,23 @@ class Curves:
                 at = np.interp(time[window.first] + instants, time[good], values[good])
                 found.setdefault(name, []).append(at)
         everywhere = len(self.short.windows)
-        return {name: np.array(rows) for name, rows in found.items() if len(rows) == everywhere}
+        whole = {name: np.array(rows) for name, rows in found.items() if len(rows) == everywhere}
+        return {name: rows for name, rows in whole.items() if self._is_told(name, rows)}
+
+    def _is_told(self, variable: str, rows: FloatArray) -> bool:
+        """Whether a variable is not noise for the most part where it is a position's slope.
+
+        Args:
+            variable: its name. rows: (W, m) its values.
+        """
+        slopes = [window.measured.slopes.get(variable) for window in self.short.windows]
+        noise = float(np.mean([slope.noise**2 if slope else 0.0 for slope in slopes]))
+        return float(np.var(rows)) * _NOISY >= noise
+
+    def _position(self, variable: str) -> str:
+        """Return the channel whose slope a variable is in some run, "" for none."""
+        slopes = (window.measured.slopes.get(variable) for window in self.short.windows)
+        return next((slope.of for slope in slopes if slope is not None), "")
 
     def varies(self, variable: str) -> bool:
         """Whether a curve of a variable has any range in all windows."""
@@ -105,7 +132,13 @@ class Curves:
         """
         template = Template(place.equation, place.form, place.at, variable)
         share, amplitudes = self._share(self.columns(influence, variable), variable)
-        located = LocatedCurve(template, share, self.knots(variable), amplitudes * size)
+        located = LocatedCurve(
+            template,
+            share,
+            self.knots(variable),
+            amplitudes * size,
+            position=self._position(variable),
+        )
         return self._periodic(located, influence, size) if variable == "time" else located
 
     def _periodic(self, trend: LocatedCurve, influence: FloatArray, size: float) -> LocatedCurve:

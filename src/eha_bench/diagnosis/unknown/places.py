@@ -56,7 +56,11 @@ def places_of(plant: Plant) -> tuple[SuspectPlace, ...]:
 
 
 def variables_of(measured: Measured) -> dict[str, FloatArray]:
-    """Return what a curve may depend on, by name, (n,), as measured (NaN where not)."""
+    """Return what a curve may depend on, by name, (n,), as measured (NaN where not).
+
+    A rate that nothing reads is the slope of its position here; in a simulation the curve follows
+    the state.
+    """
     found: dict[str, FloatArray] = {"time": measured.time}
     for name in (*measured.inputs, *measured.outputs):
         column = measured.inputs.get(name)
@@ -64,7 +68,9 @@ def variables_of(measured: Measured) -> dict[str, FloatArray]:
             column = measured.column(name)
         if column is not None:
             found[name] = column
-    pair = measured.roles.pair
+    for name, slope in measured.slopes.items():
+        found.setdefault(name, slope.values)
+    pair = measured.roles.facing
     if pair and all(name in found for name in pair):
         found["pressure_difference"] = found[pair[0]] - found[pair[1]]
         found["pressure_sum"] = found[pair[0]] + found[pair[1]]

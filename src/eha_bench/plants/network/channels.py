@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.network.element import NodeKind
-from eha_bench.plants.network.system import System
+from eha_bench.plants.network.system import System, Volume
 
 _READ_BACK = "current"
 """The known channel of a motor's current as it is measured, not as it is asked for."""
@@ -50,6 +50,18 @@ def places_of_states(system: System) -> dict[str, int]:
     for number, (channel, _) in enumerate(imposable_signals(system)):
         found[channel] = system.size + number
     return found
+
+
+def facing_volumes(system: System) -> tuple[Volume, Volume] | None:
+    """Return the volumes whose difference and sum are looked at: a cylinder's, else a pump's."""
+    for kind, ports in (("cylinder", ("a", "b")), ("pump", ("to", "from"))):
+        for part in system.parts.values():
+            if part.element.kind.id != kind:
+                continue
+            first, second = (part.element.ports[port] for port in ports)
+            if first != second and {first, second} <= set(system.volume_of):
+                return system.volume_of[first], system.volume_of[second]
+    return None
 
 
 def units_of_channels(system: System, state_places: Mapping[str, int]) -> dict[str, str]:
@@ -135,6 +147,7 @@ def roles_of_channels(
         ),
         (),
     )  # fmt: skip
+    facing = facing_volumes(system)
     reservoirs = [column.channel for column in system.pressure_inputs]
     forces = [
         column.channel
@@ -168,6 +181,7 @@ def roles_of_channels(
         turning=turning,
         pressures=pressures,
         pair=pair,
+        facing=() if facing is None else (names[facing[0].pressure], names[facing[1].pressure]),
         commands=tuple(dict.fromkeys((*held, *references))),
         remembered=tuple(
             column.channel

@@ -13,6 +13,7 @@ from dataclasses import replace
 from eha_bench.core.errors import PluginError
 from eha_bench.core.near_miss import suggest
 from eha_bench.plants.effect import Effect, Equation, Hook, Spot
+from eha_bench.plants.network.channels import facing_volumes, places_of_states
 from eha_bench.plants.network.element import Friction, NodeKind
 from eha_bench.plants.network.network import UNITS
 from eha_bench.plants.network.rigid_joint import rigid_joints
@@ -934,8 +935,9 @@ def variables_of(system: System) -> dict[str, str]:
             found[item.channel] = f"X[{item.state}]"
         elif item.command < 0:
             found[item.channel] = shown_expression(system, item.expression)
-    pairs = [(spot.names["p_a"], spot.names["p_b"]) for spot in _chambers(system)]
-    for a, b in pairs[:1]:
+    pair = facing_volumes(system)
+    if pair is not None:
+        a, b = (f"X[{volume.pressure}]" for volume in pair)
         found["pressure_difference"] = f"{a} - {b}"
         found["pressure_sum"] = f"{a} + {b}"
     for moving in system.coordinates:
@@ -948,7 +950,28 @@ def variables_of(system: System) -> dict[str, str]:
             found.setdefault(column.channel, f"S[{system.demand(column.part, column.command)}]")
         elif column.channel not in found:
             found[column.channel] = f"S[{column.signal}]"
+    names = {place: name for name, place in places_of_states(system).items()}
+    for moving in system.coordinates:
+        if _has_slope(system, moving):
+            found.setdefault(names[moving.speed], f"X[{moving.speed}]")
     return found
+
+
+def _has_slope(system: System, item: Coordinate) -> bool:
+    """Whether a channel shows a position, its own or behind a gear, and none shows the speed."""
+    if item.speed in system.shown:
+        return False
+    geared = any(
+        own is item and output.quantity in ("angle", "position")
+        for output, own in system.geared_channels()
+    )
+    return item.position in system.shown or geared
+
+
+def _joined(system: System, item: Coordinate) -> list[Coordinate]:
+    """Return a coordinate, and those at the other ends of its elastic joints."""
+    ends = [pair for _, pair in system.elastic_joints() if item in pair]
+    return [item, *(other for pair in ends for other in pair if other is not item)]
 
 
 def _motion_channels(system: System, item: Coordinate) -> tuple[str, str]:
@@ -956,21 +979,21 @@ def _motion_channels(system: System, item: Coordinate) -> tuple[str, str]:
 
     Through an elastic joint, what moves at its other end shows them as well.
     """
-    joined = [
-        other
-        for _, ends in system.elastic_joints()
-        if item in ends
-        for other in ends
-        if other is not item
-    ]
     shown = [
         (system.shown.get(one.position, ""), system.shown.get(one.speed, ""))
-        for one in (item, *joined)
+        for one in _joined(system, item)
     ]
     return (
         next((position for position, _ in shown if position), ""),
         next((speed for _, speed in shown if speed), ""),
     )
+
+
+def _speeds(system: System, item: Coordinate) -> tuple[str, ...]:
+    """Return the speed that a channel shows, and those that are a shown position's slope."""
+    names = {place: name for name, place in places_of_states(system).items()}
+    slopes = [names[one.speed] for one in _joined(system, item) if _has_slope(system, one)]
+    return (_motion_channels(system, item)[1], *slopes)
 
 
 def _anything(system: System) -> Iterator[Spot]:
@@ -980,6 +1003,7 @@ def _anything(system: System) -> Iterator[Spot]:
     time, but a rod's load and a leak may change with it; only a drive knows its command.
     """
     known = variables_of(system)
+    names_of_states = {place: name for name, place in places_of_states(system).items()}
     names = {"u": "variable(@learned.variable, X, P, S)"}
     vocabulary = {"variable": tuple(known)}
     logged = [column.channel for column in system.pressure_inputs]
@@ -1032,8 +1056,8 @@ def _anything(system: System) -> Iterator[Spot]:
         )
     for item in system.coordinates:
         if system.inertias(item):
-            own = _motion_channels(system, item)
-            pumped = (own[1], "pressure_difference", "pressure_sum")
+            own = _motion_channels(system, item)[0], *_speeds(system, item)
+            pumped = (*own[1:], "pressure_difference", "pressure_sum")
             turns = bool(_on(system, item, "pump"))
             yield spot(
                 item.name,
@@ -1050,7 +1074,7 @@ def _anything(system: System) -> Iterator[Spot]:
     for pair in _chambers(system):
         pumps = [part for part in system.parts.values() if part.element.kind.id == "pump"]
         speeds = tuple(
-            system.shown.get(system.leader_of(part.element.ports["on"]).speed, "") for part in pumps
+            names_of_states[system.leader_of(part.element.ports["on"]).speed] for part in pumps
         )
         flows = {"additive": ("time", "pressure_difference", *speeds)}
         if pumps:
