@@ -47,3 +47,13 @@ def test_values_that_something_missing_has_bent_are_not(said: list[str]) -> None
         "verdict: unknown",
         "  unknown effect in the force equation, depends on piston_position",
     ]
+
+
+def test_a_speed_that_nobody_logs_is_named_with_its_position(said: list[str]) -> None:
+    derived = {"table_speed": "table_angle"}
+    unknown = Unknown("torque", ("table_speed",), "", at="table", derived=derived)
+    closing._say_verdict(replace(NOTHING, verdict=Verdict.UNKNOWN, unknown=unknown))
+    assert said[-1] == (
+        "  unknown effect in the torque equation, at table, depends on table_speed (derivative of "
+        "table_angle)"
+    )

@@ -179,3 +179,40 @@ def test_a_verdict_that_there_is_not_is_refused(tmp_path: Path):
     file.write_text(json.dumps(json.loads(file.read_text()) | {"verdict": "foo"}))
     with pytest.raises(InputError, match="foo"):
         read_question(folder)
+
+
+SPRUNG = """\
+plant: spindle
+nodes: {shaft: {kind: rotation, inertia: 9e-4 kg*m^2}}
+elements:
+  motor: {kind: motor, on: shaft, torque_constant: 0.13 N*m/A}
+  drag:  {kind: friction, on: shaft, viscous: 0.004 N*m*s/rad}
+  hold:  {kind: spring, on: shaft, stiffness: 2 N*m/rad}
+inputs: {current_command: motor.current}
+channels: {angle: shaft.angle}
+calibrate: [shaft.inertia, drag.viscous]
+"""
+
+
+def test_an_unknown_that_follows_a_speed_that_nobody_logs_is_played_and_planned_for(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "plant.yaml").write_text(SPRUNG)
+    rivals = []
+    for variable, most in (("shaft_speed", 10.0), ("angle", 0.5)):
+        at = np.linspace(-most, most, 24)
+        values = (-0.2 * np.sign(at) * (at / most) ** 2).tolist()
+        model = {"model": "plant.yaml", "effects": [
+            {"effect": "learned", "form": "additive", "variable": variable, "low": -most,
+             "high": most, "values": values, "at": "shaft"}]}  # fmt: skip
+        (tmp_path / f"{variable}.yaml").write_text(json.dumps(model))
+        file = str(tmp_path / f"{variable}.yaml")
+        item = rival(None, source=file, known=("shaft.inertia", "drag.viscous"))
+        rivals.append(replace(item, cause=f"learned of {variable}", effects=("learned",)))
+    extremes = {"current_command": (-3.0, 3.0), "angle": (-0.5, 0.5)}
+    folder = write_question(tmp_path / "found", rivals, noise={"angle": 1e-3}, extremes=extremes,
+                            piston="free")  # fmt: skip
+    question = read_question(folder)
+    assert [item.id for item in question.rivals] == ["learned of shaft_speed", "learned of angle"]
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=3.0)
+    assert found.ending is ProposalEnding.PROPOSED

@@ -127,6 +127,25 @@ def test_an_unknown_that_follows_nothing_is_not_said_to(tmp_path: Path) -> None:
     assert "It depends on" not in page
 
 
+def test_a_variable_that_is_no_channel_is_named_with_the_channel_behind_it(tmp_path: Path) -> None:
+    values = {
+        "equation": "force", "form": "additive", "variable": "piston_velocity", "place": "motor",
+        "period": 0.0, "low": -0.1, "high": 0.1, "values": [float(k) for k in range(24)],
+    }  # fmt: skip
+    revised = DECLARED.with_effect(DeclaredEffect("learned", values))
+    derived = {"piston_velocity": "piston_position"}
+    unknown = Unknown("force", ("piston_velocity",), "", 0.9, derived=derived)
+    found = replace(unknown_found(), unknown=unknown, revised=revised, replays=())
+    page = write_diagnosis_report(tmp_path, found, "dataset.yaml", DECLARED).read_text()
+    words = html.unescape(re.sub(r"<[^>]+>", "", page))
+    assert "depends on piston velocity (derivative of piston position)" in words
+    drawn = learned_curve(revised)
+    assert drawn is not None
+    assert drawn.variable == ("Piston velocity", "m/s")
+    content = found.to_dict()["unknown"]
+    assert (content["variables"], content["derived"]) == (["piston_velocity"], derived)
+
+
 def test_a_sensor_that_reads_wrongly_is_the_cause_and_no_curve(tmp_path: Path) -> None:
     said = "'pressure_b' reads 0.9 times what there is"
     unknown = Unknown(
