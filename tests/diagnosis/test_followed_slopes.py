@@ -23,8 +23,9 @@ from eha_bench.diagnosis.unknown.learn import learn
 from eha_bench.diagnosis.unknown.locator import locate
 from eha_bench.diagnosis.unknown.places import places_of, variables_of
 from eha_bench.plants.channel_roles import ChannelRoles
-from eha_bench.plants.model import load_model
-from eha_bench.plants.plant import Plant
+from eha_bench.plants.effects.learned import KNOTS
+from eha_bench.plants.model import DeclaredEffect, Model, load_model
+from eha_bench.plants.plant import Drive, Plant
 from eha_bench.plants.registry import get_plant
 from eha_bench.recordings import write
 
@@ -167,7 +168,7 @@ def test_a_hydraulic_motors_pressures_and_its_speed_are_there(tmp_path: Path) ->
     assert plant.roles.facing == ("p_out", "p_in")  # what a pump would make
     assert plant.roles.pair == ()
     known = {"table_speed", "pressure_difference", "pressure_sum"}
-    assert variables_at(plant, "table") == known
+    assert variables_at(plant, "table") == known | {"table_angle"}
     assert variables_at(plant, "hydromotor") >= {"table_speed", "pressure_difference"}
     read = run_of(plant.roles, table_angle=RAMP, p_in=RAMP + 9.0, p_out=RAMP + 4.0)
     found = variables_of(read)
@@ -241,6 +242,46 @@ def test_a_slope_within_its_noise_is_not_followed(tmp_path: Path) -> None:
     locator, _, curves = locate(search.problem, search.fit, COARSE, no_progress)
     assert not locator.curves.varies("shaft_speed")
     assert "shaft_speed" not in {item.template.variable for item in curves}
+
+
+def turned(model: Model, at: Path, seed: int) -> None:
+    """Log what a turntable does as its valve opens and closes."""
+    generator = np.random.default_rng(seed)
+    time = np.arange(0.0, 4.0, 2.5e-3)
+    tones = [np.sin(2.0 * np.pi * (f * time + generator.random())) for f in (0.35, 0.8, 1.7, 3.1)]
+    command = 0.9 * np.sum(tones, axis=0)
+    initial = {"table_angle": 0.0, "p_in": 60e5, "p_out": 60e5}
+    read = model.plant.simulate(
+        model.vector(), Drive(time, {"valve_command": command}, initial), 2.5e-4
+    )
+    read = read[:, :3] + generator.standard_normal((time.size, 3)) * [2e-4, 1e4, 1e4]
+    columns = dict(zip(model.plant.outputs, read.T, strict=False))
+    write(at, Recording(time, {"valve_command": command, **columns}))
+
+
+@pytest.mark.slow(60)
+@pytest.mark.parametrize(("variable", "most"), [("table_speed", 3.0), ("table_angle", 0.8)])
+def test_a_turntable_tells_speed_and_angle_apart(
+    tmp_path: Path, variable: str, most: float
+) -> None:
+    """What follows the angle is not said to follow a speed because that is there."""
+    (tmp_path / "plant.yaml").write_text(MOTOR, encoding="utf-8")
+    declared = load_model(tmp_path / "plant.yaml")
+    at = np.linspace(-most, most, KNOTS)
+    law = -1.5 * at * np.abs(at) / most**2 if variable == "table_speed" else 1.5 * np.cos(5.0 * at)
+    hidden = {"scale": 1.0, "form": "additive", "variable": variable, "low": -most, "high": most,
+              "at": "table", "values": law.tolist()}  # fmt: skip
+    text = "model: plant.yaml\ninputs: [valve_command]\nruns:\n"
+    for number in range(2):
+        turned(declared.with_effect(DeclaredEffect("learned", hidden)),
+               tmp_path / f"{number}.mcap", number)  # fmt: skip
+        text += f"  - {{log: {number}.mcap}}\n"
+    (tmp_path / "dataset.yaml").write_text(text, encoding="utf-8")
+    search = begin(calibrated_baseline(load_dataset(tmp_path / "dataset.yaml")))
+    _, equation, curves = locate(search.problem, search.fit, COARSE, no_progress)
+    told = curves[0].template
+    assert (equation, told.place, told.variable) == ("torque", "table", variable)
+    assert curves[0].share > 0.5
 
 
 def test_it_is_named_with_what_it_is_the_derivative_of() -> None:

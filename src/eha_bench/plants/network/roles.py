@@ -1057,7 +1057,7 @@ def _anything(system: System) -> Iterator[Spot]:
     for item in system.coordinates:
         if system.inertias(item):
             own = _motion_channels(system, item)[0], *_speeds(system, item)
-            pumped = (*own[1:], "pressure_difference", "pressure_sum")
+            pumped = (*own, "pressure_difference", "pressure_sum")
             turns = bool(_on(system, item, "pump"))
             yield spot(
                 item.name,
