@@ -51,7 +51,7 @@ from eha_bench.diagnosis.outcome.diagnosis import (
 )
 from eha_bench.diagnosis.outcome.findings import (
     lateness_estimates,
-    lateness_note,
+    lateness_notes,
     own_estimates,
 )
 from eha_bench.diagnosis.outcome.model_errors import scores_of
@@ -240,7 +240,7 @@ def _estimates(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
     open_ = open_parameters(end.fit) if ended.convergence.has_intervals else values.keys()
     values = {key: item.without_interval if key in open_ else item for key, item in values.items()}
     late = lateness_estimates(places, values)
-    notes += lateness_note(late)
+    notes += lateness_notes(places, late)
     parameters = {key: item for key, item in values.items() if key in places.layout.index}
     per_run = own_estimates(places, values)
     if not parameters and not per_run:

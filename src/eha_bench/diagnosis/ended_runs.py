@@ -24,6 +24,7 @@ from eha_bench.diagnosis.fit.baseline import (
     no_progress,
 )
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
+from eha_bench.diagnosis.late_topics import with_late_topics
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.replay.delay_jump import delay_jump, jump_note
 from eha_bench.diagnosis.replay.replay import rough_replay
@@ -35,8 +36,8 @@ _LOUD: Final = 1.5
 def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
     """Calibrate; where the delay of a training run jumps, once more with that run up to there.
 
-    The parts of a training log that pauses are runs of their own, and channels whose map is plainly
-    mistaken are read the other way.
+    The parts of a training log that pauses are runs of their own, topics that are plainly stamped
+    late are read earlier, and channels whose map is plainly mistaken are read the other way.
 
     Raises:
         InputError: nothing to calibrate with.
@@ -44,6 +45,7 @@ def baseline_up_to_jumps(dataset: Dataset, progress: ProgressHook = no_progress)
     """
     dataset = _parted(dataset)
     base = calibrated_baseline(dataset, progress)
+    base = with_late_topics(base, progress, loud=_is_loud(base))
     if not _is_loud(base):
         return base
     base = with_corrected_map(base, progress)

@@ -133,6 +133,7 @@ class Run:
         own: parameter that is estimated for this run alone -> its place in a vector of parameters,
             behind those of the layout.
         until: s from the first sample from which on no reading is compared.
+        stamped_late: channel -> s by which its topic is read earlier than it is stamped.
     """
 
     name: str
@@ -146,6 +147,7 @@ class Run:
     own: Mapping[str, int] = field(default_factory=dict)
     by_topic: Callable[[], tuple[Recording, ...]] | None = None
     until: float = math.inf
+    stamped_late: Mapping[str, float] = field(default_factory=dict)
 
     def read(self) -> Recording:
         """Read the recording.

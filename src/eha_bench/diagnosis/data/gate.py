@@ -165,6 +165,7 @@ def admit(
         roles=roles,
         taken={name: sampled.taken[name] for name in names if name in sampled.taken},
         late={name: sampled.late[name] for name in names if name in sampled.late},
+        topic_of={name: sampled.topic_of[name] for name in names if name in sampled.topic_of},
         unsure={name: item for name, item in driven.unsure.items() if item.ticks.size},
         apart=apart,
     )

@@ -75,6 +75,7 @@ class Measured:
         first: channel -> its first reading as logged, whether it may be believed or not.
         taken: channel -> (n,) s that its samples were taken after their ticks; without: at them.
         late: channel -> clock that may be stamped late by always the same (`ticks`).
+        topic_of: channel -> clock of its topic, of topics that drive nothing.
         clocks: clock -> place of its lateness in a vector of parameters.
         lateness: clock -> s by which its stamps are late, as far as it is known.
         unsure: input -> its values that were not logged.
@@ -100,6 +101,7 @@ class Measured:
     first: Mapping[str, FirstReading] = field(default_factory=dict)
     taken: Mapping[str, FloatArray] = field(default_factory=dict)
     late: Mapping[str, str] = field(default_factory=dict)
+    topic_of: Mapping[str, str] = field(default_factory=dict)
     clocks: Mapping[str, int] = field(default_factory=dict)
     lateness: Mapping[str, float] = field(default_factory=dict)
     unsure: Mapping[str, LostValues] = field(default_factory=dict)

@@ -9,7 +9,8 @@ Where no tick is near, it gets its own.
 
 Stamps a little off a regular clock, while the readings follow that clock, are put back on it
 (`clock`). Whatever is off the ticks of the inputs by always the same may only be stamped so:
-how late is a number that a fit has to find (`late`).
+how late is a number that a fit has to find (`late`). What is stamped later by
+many ticks is read earlier from the start (`stamped_late`): its samples belong to other ticks.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ class Sampled:
         recording: values at the ticks; NaN where a channel has no sample at one.
         taken: channel -> (n,) s that its samples were taken after their ticks; without: at them.
         late: channel -> name of the clock that may be stamped late by always the same.
+        topic_of: channel -> name of its topic's clock, of topics that drive nothing.
         lost: channel -> (n,) ticks at which a message of an input was lost.
         is_of_several: whether channels tick on different clocks.
         logged: (n,) ticks with a row in the log; None where all have one, or topics are several.
@@ -56,6 +58,7 @@ class Sampled:
     recording: Recording
     taken: Mapping[str, FloatArray] = field(default_factory=dict)
     late: Mapping[str, str] = field(default_factory=dict)
+    topic_of: Mapping[str, str] = field(default_factory=dict)
     lost: Mapping[str, BoolArray] = field(default_factory=dict)
     is_of_several: bool = False
     logged: BoolArray | None = None
@@ -84,20 +87,25 @@ class _Topic:
 
 
 def on_ticks(
-    topics: Sequence[Recording], inputs: Collection[str], outputs: Collection[str]
+    topics: Sequence[Recording],
+    inputs: Collection[str],
+    outputs: Collection[str],
+    stamped_late: Mapping[str, float] | None = None,
 ) -> Sampled:
     """Return topics of one log on common ticks; a single one with ticks for rows that were lost.
 
     Args:
         topics: recordings whose time has a common zero.
         inputs: channels that drive a model. outputs: channels that are compared with it.
+        stamped_late: channel -> s by which its topic is read earlier than it is stamped.
     """
     if len(topics) == 1:
         topics = _interleaved(topics[0], inputs)
     if len(topics) == 1:
         return _with_lost_rows(topics[0])
     wanted = {*inputs, *outputs}
-    used = [_topic(item, wanted) for item in topics if wanted & {*item.values}]
+    earlier = stamped_late or {}
+    used = [_topic(item, wanted, earlier) for item in topics if wanted & {*item.values}]
     if not used:
         return Sampled(topics[0])
     placed, notes = _at_their_clocks(used)
@@ -119,6 +127,7 @@ def on_ticks(
     values: dict[str, FloatArray] = {}
     taken: dict[str, FloatArray] = {}
     late: dict[str, str] = {}
+    topic_of: dict[str, str] = {}
     lost: dict[str, BoolArray] = {}
     firsts, lasts = [], []
     for item in placed:
@@ -126,7 +135,10 @@ def on_ticks(
         after = item.time - ticks[at]
         same = float(np.quantile(np.abs(after), _USUALLY)) <= _SAME * period
         offsets = np.zeros(ticks.size)
-        if item not in driving and not same:
+        shifted = not earlier.keys().isdisjoint(item.names)
+        if item not in driving:
+            topic_of |= dict.fromkeys(item.names, item.names[0])
+        if item not in driving and (shifted or not same):
             offsets[at] = after
             taken |= dict.fromkeys(item.names, offsets)
             late |= dict.fromkeys(item.names, item.names[0])
@@ -157,6 +169,7 @@ def on_ticks(
         recording,
         {name: column[kept] for name, column in taken.items()},
         late,
+        topic_of,
         {name: mask[kept] for name, mask in lost.items()},
         is_of_several=True,
     )
@@ -229,9 +242,10 @@ def nearest(ticks: FloatArray, time: FloatArray) -> IndexArray:
     return np.asarray(after - (time - ticks[after - 1] < ticks[after] - time))
 
 
-def _topic(part: Recording, wanted: Collection[str]) -> _Topic:
+def _topic(part: Recording, wanted: Collection[str], late: Mapping[str, float]) -> _Topic:
     names = tuple(name for name in part.values if name in wanted)
-    return _Topic(part, names, np.array(part.time), clock_beside(part.time))
+    time = np.array(part.time) - next((late[name] for name in names if name in late), 0.0)
+    return _Topic(part, names, time, clock_beside(time))
 
 
 def _at_their_clocks(topics: Sequence[_Topic]) -> tuple[list[_Topic], list[Note]]:

@@ -127,7 +127,7 @@ def gather(
     for run in with_own(plant.layout, dataset.training, dataset.model.per_run):
         try:
             topics = topics_from_onset(run, dataset.inputs, compared, plant.roles)
-            recordings.append(on_ticks(topics, dataset.inputs, compared))
+            recordings.append(on_ticks(topics, dataset.inputs, compared, run.stamped_late))
             runs.append(run)
             unused += unused_inputs(run, topics, dataset.inputs, dataset.model)
         except RecordingError as error:

@@ -43,16 +43,24 @@ class RunParameter:
 
 
 LATEST = 2e-3
-"""Most that a topic's stamps are taken to be late by, s; early ones likewise."""
+"""Most that a fit takes a topic's stamps to be late by, s; early ones likewise. With more, it would
+take a lag of what is read for it: that is told apart before (`late_topics`)."""
 LATENESS = Parameter("lateness", "s", 0.0, -LATEST, LATEST)
 
 
 @dataclass(frozen=True)
 class LateClock:
-    """A clock whose stamps may be late by always the same, and the place of that number."""
+    """A clock whose stamps may be late by always the same, and the place of that number.
+
+    Attributes:
+        clock: its name. place: in a vector, of what it is late by beyond `read_earlier`.
+        channels: what ticks with it. read_earlier: s, by which they are read before their stamps.
+    """
 
     clock: str
     place: int
+    channels: tuple[str, ...] = ()
+    read_earlier: float = 0.0
 
     @property
     def key(self) -> str:
@@ -151,16 +159,28 @@ class Places:
         return out
 
     def lateness(self, vector: FloatArray) -> dict[str, float]:
-        """Return clock -> what its stamps are late by, s, of those that a vector knows of."""
+        """Return clock -> what it is late by as it is read, s, of those that a vector knows of."""
         known = (item for item in self.late if item.place < vector.size)
         return {item.clock: float(vector[item.place]) for item in known}
 
     def with_lateness(self, vector: FloatArray, lateness: Mapping[str, float]) -> FloatArray:
-        """Return a vector, as long as `lengthened` makes it, with clocks late by what is given."""
+        """Return a vector, as long as `lengthened` makes it, with clocks late by what is given.
+
+        Args:
+            vector: of the plant. lateness: clock -> s, as it is read.
+        """
         out = self.lengthened(vector).copy()
         for item in self.late:
             out[item.place] = lateness.get(item.clock, out[item.place])
         return out
+
+    def beyond_reading(self, lateness: Mapping[str, float]) -> dict[str, float]:
+        """Return clock -> what it is late by as it is read, s, from what it is late by in all."""
+        return {
+            item.clock: lateness[item.clock] - item.read_earlier
+            for item in self.late
+            if item.clock in lateness
+        }
 
     def values(self, vector: FloatArray) -> OwnValues:
         """Return run -> parameter -> the value of that run alone, SI."""
@@ -178,13 +198,21 @@ def places_of(layout: Layout, runs: Iterable[Measured]) -> Places:
     for item in known:
         run = item.run
         own |= {place: RunParameter(key, run.name, place) for key, place in run.own.items()}
-        late |= {place: LateClock(clock, place) for clock, place in item.clocks.items()}
+        for clock, place in item.clocks.items():
+            before = late[place].channels if place in late else ()
+            own_names = (name for name, ticks_with in item.late.items() if ticks_with == clock)
+            names = tuple(dict.fromkeys((*before, *own_names)))
+            late[place] = LateClock(clock, place, names, _read_earlier(run, names))
     return Places(
         layout,
         tuple(own[place] for place in sorted(own)),
         tuple(late[place] for place in sorted(late)),
         reached_bounds(layout, known),
     )
+
+
+def _read_earlier(run: Run, channels: Iterable[str]) -> float:
+    return next((run.stamped_late[name] for name in channels if name in run.stamped_late), 0.0)
 
 
 def with_clocks(layout: Layout, measured: Sequence[Measured]) -> tuple[Measured, ...]:

@@ -15,7 +15,7 @@ from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
 from eha_bench.diagnosis.fit.finish import ConvergedFit, converged_fit
 from eha_bench.diagnosis.fit.friction_at_rest import friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit
-from eha_bench.diagnosis.fit.own_parameters import LATENESS, LATEST, Places
+from eha_bench.diagnosis.fit.own_parameters import LATENESS, LATEST, LateClock, Places
 from eha_bench.diagnosis.fit.profile import profile_deviation
 from eha_bench.diagnosis.fit.refitted_profile import strength_interval
 from eha_bench.diagnosis.fit.uncertainty import (
@@ -115,7 +115,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         notes.append(f"{text} {layout.by_key[key].unit}")
     notes += _value_notes(model, fit, assumed)
     notes += _notes_of_other_numbers(search)
-    notes += lateness_note(late)
+    notes += lateness_notes(search.problem.places, late)
     notes += decision.notes
     notes += ended.notes(["the learned curve" if name == LEARNED else name for name in added])
     notes += moved_notes(
@@ -242,24 +242,48 @@ def own_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[str, d
 def lateness_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[str, Estimate]:
     """Return clock -> what its stamps are late by, s, from estimates by key."""
     return {
-        item.clock: replace(values[item.key], unit=LATENESS.unit)
+        item.clock: _later(values[item.key], item.read_earlier)
         for item in places.late
         if item.key in values
     }
 
 
-def lateness_note(lateness: Mapping[str, Estimate]) -> list[str]:
+def _later(found: Estimate, by: float) -> Estimate:
+    """Return by how much stamps are late, s, from what they are beyond what they are read by."""
+    return replace(
+        found,
+        value=found.value + by,
+        low=found.low + by,
+        high=found.high + by,
+        unit=LATENESS.unit,
+    )
+
+
+def lateness_notes(places: Places, lateness: Mapping[str, Estimate]) -> list[str]:
     """Say by how much stamps are late, and where that is the most that they are taken to be."""
     return [
-        f"CAUTION: the stamps of '{clock}' are late or early by {1e3 * LATEST:g} ms, the most that "
-        "is looked for: check its clock against that of the inputs; a lag of what it reads may be "
-        "no more than that"
-        if abs(item.value) > _AT_MOST * LATEST
-        else f"the stamps of '{clock}' are {1e3 * item.value:.3g} ms late "
-        f"({1e3 * item.low:.3g} to {1e3 * item.high:.3g} ms) against those of the inputs: a "
-        "property of the log, not an effect"
-        for clock, item in lateness.items()
+        _lateness_note(item, lateness[item.clock]) for item in places.late if item.clock in lateness
     ]
+
+
+def _lateness_note(clock: LateClock, found: Estimate) -> str:
+    name = " and ".join(f"'{channel}'" for channel in clock.channels or (clock.clock,))
+    sign, how = (1.0, "late") if found.value >= 0.0 else (-1.0, "early")
+    by = f"{1e3 * abs(found.value):.3g} ms {how}"
+    if abs(found.value - clock.read_earlier) > _AT_MOST * LATEST:
+        return (
+            f"CAUTION: the stamps of {name} are {by}, the most that is looked for: check their "
+            "clock against that of the inputs; a lag of what they read may be no more than that"
+        )
+    if np.isfinite(found.low) and np.isfinite(found.high):
+        low, high = sorted((sign * found.low, sign * found.high))
+        by += f" ({1e3 * low:.3g} to {1e3 * high:.3g} ms)"
+    text = f"the stamps of {name} are {by} against those of the inputs: "
+    text += "a property of the log, not an effect"
+    if not clock.read_earlier:
+        return text
+    when = "earlier" if found.value > 0.0 else "later"
+    return f"{text}; they are read that much {when} here: give all topics stamps from one clock"
 
 
 def _converged_fit(search: Search, decision: Decision) -> ConvergedFit:

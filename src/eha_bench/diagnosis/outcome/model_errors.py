@@ -107,7 +107,7 @@ def with_replay_errors(
     """
     places = base.problem.places
     own = {run: {key: item.value for key, item in it.items()} for run, it in found.per_run.items()}
-    late = {clock: item.value for clock, item in found.lateness.items()}
+    late = places.beyond_reading({name: item.value for name, item in found.lateness.items()})
     revised = places.with_lateness(places.with_values(found.revised.vector(), own), late)
     before = revised if recalibrated is None else places.with_values(recalibrated, {})
     vectors = (before, revised)
@@ -207,7 +207,7 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
     for run in parted_at_pauses(dataset.held_out, names):
         try:
             topics = topics_from_onset(run, dataset.inputs, compared, dataset.model.plant.roles)
-            recording = on_ticks(topics, dataset.inputs, compared)
+            recording = on_ticks(topics, dataset.inputs, compared, run.stamped_late)
             item = admit(
                 run,
                 recording,

@@ -294,7 +294,7 @@ def _prediction_of(
     plant = model.plant
     recording = run.read()
     topics = topics_from_onset(run, inputs, compared, plant.roles)
-    sampled = on_ticks(topics, inputs, compared)
+    sampled = on_ticks(topics, inputs, compared, run.stamped_late)
     measured = admit(run, sampled, inputs, compared, strict=False, roles=plant.roles)
     measured = _at_its_angle(_with_its_own(measured, model), model)
     start = first_sample(measured, model)
