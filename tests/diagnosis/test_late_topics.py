@@ -41,13 +41,16 @@ channels:
   motor_speed: {topic: /drive, field: value, unit: rad/s}
   motor_angle: {topic: /encoder, field: value, unit: rad}
 """
+WITHOUT_FRICTION = PLANT.replace(", coulomb: 0.025 N*m}", "}").replace(
+    "  - {parameter: drag.coulomb, within: 30 %}\n", ""
+)
 LATE = 12e-3
 LAG = 8e-3
 STEP, EVERY = 1e-4, 50
 _TORQUES = ("rotor.inertia", "motor.torque_constant")
 
 
-def _messages(number: int, lag: float, rest: float) -> dict[str, np.ndarray]:
+def _messages(number: int, lag: float) -> dict[str, np.ndarray]:
     """Drive the fan by steps and a sine, and read it at 200 Hz, its speed with a lag."""
     generator = np.random.default_rng(number)
     time = np.arange(0.0, 4.0, STEP)
@@ -60,7 +63,7 @@ def _messages(number: int, lag: float, rest: float) -> dict[str, np.ndarray]:
         if k % EVERY == 0:
             read.append((value, filtered, angle))
         torque = 0.3 * (12.0 * value - 0.3 * speed) / 4.0
-        friction = 1e-3 * speed + rest * np.tanh(speed / 0.3)
+        friction = 1e-3 * speed + 0.03 * np.tanh(speed / 0.3)
         angle += STEP * speed
         speed += STEP * (torque - friction) / 1.8e-3
         filtered = filtered + STEP * (speed - filtered) / lag if lag else speed
@@ -89,13 +92,13 @@ def _write(path: Path, messages: dict[str, np.ndarray], late: dict[str, float]) 
         writer.finish()
 
 
-def _dataset(folder: Path, *, late: dict[str, float], lag: float = 0.0, rest: float = 0.03) -> Path:
+def _dataset(folder: Path, *, late: dict[str, float], lag: float = 0.0, plant: str = PLANT) -> Path:
     """Record four runs of the fan, in a topic for each channel."""
-    (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    (folder / "plant.yaml").write_text(plant, encoding="utf-8")
     (folder / "channels.yaml").write_text(CHANNELS, encoding="utf-8")
     runs = ""
     for number in range(4):
-        _write(folder / f"run{number}.mcap", _messages(number, lag, rest), late)
+        _write(folder / f"run{number}.mcap", _messages(number, lag), late)
         runs += f"  - {{log: run{number}.mcap, use: {'holdout' if number == 3 else 'train'}}}\n"
     path = folder / "dataset.yaml"
     path.write_text(
@@ -130,6 +133,14 @@ def test_a_late_topic_is_no_effect(tmp_path: Path) -> None:
     found = diagnose(_dataset(tmp_path, late={"/drive": LATE}))
     assert found.verdict is Verdict.NONE
     assert not found.effects
+    assert found.lateness["motor_speed"].value == pytest.approx(LATE, abs=0.2e-3)
+
+
+@pytest.mark.slow(60)
+def test_a_late_topic_beside_another_cause_is_no_lag(tmp_path: Path) -> None:
+    """Of an undeclared friction more remains than of the clock: only beside it does that show."""
+    found = diagnose(_dataset(tmp_path, late={"/drive": LATE}, plant=WITHOUT_FRICTION))
+    assert [item.id for item in found.effects] == ["coulomb_friction"]
     assert found.lateness["motor_speed"].value == pytest.approx(LATE, abs=0.2e-3)
 
 

@@ -15,6 +15,7 @@ from eha_bench.diagnosis.fit.candidates import SheetNumber
 from eha_bench.diagnosis.fit.side_by_side import fits_by
 from eha_bench.diagnosis.fit.start_angles import starts_of
 from eha_bench.diagnosis.fit.thresholds import Thresholds
+from eha_bench.diagnosis.late_topics import with_clock_instead
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training, unchecked
 from eha_bench.diagnosis.outcome.curve_instead import curve_instead
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out, without_curve
@@ -87,6 +88,9 @@ class Conclusion:
                 if (given := with_led_commands(self.base, self.search)) is not None:
                     self.base, self.search = given, begin(given, self.search.thresholds)
                     self._decide()
+                right = with_clock_instead(self.base, self.search, self._on_progress)
+                if right is not None:
+                    self._decide_read_right(right)
                 self._read_at_scale()
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
                     self.base, self.search = slow, begin(slow, self.search.thresholds)

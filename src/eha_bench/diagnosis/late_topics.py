@@ -39,7 +39,7 @@ from eha_bench.diagnosis.fit.own_parameters import LATEST
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.search.refit import free_of
-from eha_bench.diagnosis.search.state import Search, begin, starts_of
+from eha_bench.diagnosis.search.state import Accepted, Search, begin, starts_of
 
 _FURTHEST: Final = 50e-3
 """Most that a topic is looked for to be late by, s; early likewise."""
@@ -110,6 +110,76 @@ def with_late_topics(base: Baseline, progress: ProgressHook, *, loud: bool) -> B
     return base
 
 
+def with_clock_instead(base: Baseline, search: Search, progress: ProgressHook) -> Baseline | None:
+    """Return a calibration with a topic read earlier, where a lag stands for its clock; or None.
+
+    Beside another cause a late clock does not explain nearly all: only once that is found does it
+    show that the clock leaves no more than the lag that was found with it.
+
+    Args:
+        base: as calibrated. search: finished.
+        progress: called with the stage and the fraction of it done.
+    """
+    for item in search.effects:
+        for clock, channels in _topics(base).items():
+            if _is_lag(search, item.start, channels):
+                # what cannot be calibrated is no better reading
+                with suppress(InputError):
+                    found = _instead_of(base, search, item, clock, channels, progress)
+                    if found is not None:
+                        return found
+    return None
+
+
+def _instead_of(
+    base: Baseline,
+    search: Search,
+    lag: Accepted,
+    clock: str,
+    channels: tuple[str, ...],
+    progress: ProgressHook,
+) -> Baseline | None:
+    """Return a calibration with a topic read earlier, beside all else that was found, or None."""
+    places, vector = search.problem.places, search.fit.vector
+    constant = float(vector[lag.start.strength_at])
+    by = constant + places.lateness(vector).get(clock, 0.0)
+    others = [item.start for item in search.accepted if item is not lag]
+    own, size = places.values(vector), places.layout.size
+    vector, other = lag.start.off(vector), base
+    for _ in range(_ROUNDS):
+        other = calibrated_baseline(_read_earlier(other, clock, channels, by), progress)
+        if not _has_all_of(base, other):
+            return None
+        there = other.problem.places
+        begun = there.with_values(there.lengthened(vector[:size]), own)
+        problem = other.problem.with_noise(other.problem.noise).at_step(COARSE)
+        problem.prepare(begun)
+        problem.scale_to(problem.residual(begun))
+        free = free_of(begin(other, search.thresholds), begun, others)
+        vector = levenberg_marquardt(problem, begun, free).vector
+        by = there.lateness(vector).get(clock, 0.0)
+        if abs(by) < _AT_MOST * LATEST:
+            break
+    noise = other.problem.noise
+    costs = _costs(other.problem, vector, noise)
+    of_lag = _costs(search.problem, search.fit.vector, noise)
+    limits = search.thresholds
+    if costs.is_behind(of_lag, limits.gain, limits.p_value):
+        return None
+    if of_lag.is_behind(costs, limits.behind, limits.chance):
+        return other
+    return other.noting_its_map(_either(channels, lag.start, constant))
+
+
+def _either(channels: Sequence[str], lag: Start, constant: float) -> str:
+    """Say that a late clock and a lag of a time constant, s, explain as much."""
+    names = " and ".join(f"'{name}'" for name in channels)
+    return (
+        f"CAUTION: that the stamps of {names} are late is not distinguished here from "
+        f"{lag.candidate} of {1e3 * constant:.3g} ms: compare their clock with that of the inputs"
+    )
+
+
 def _topics(base: Baseline) -> dict[str, tuple[str, ...]]:
     """Return clock -> channels, of topics that drive nothing and beside which others are read."""
     found: dict[str, dict[str, None]] = {}
@@ -153,11 +223,7 @@ def _with_late_topic(
         return base
     if costs.is_behind(late, DEFAULT.behind, DEFAULT.chance):
         return best
-    names = " and ".join(f"'{name}'" for name in channels)
-    return best.noting_its_map(
-        f"CAUTION: that the stamps of {names} are late is not distinguished here from "
-        f"{start.candidate} of {1e3 * constant:.3g} ms: compare their clock with that of the inputs"
-    )
+    return best.noting_its_map(_either(channels, start, constant))
 
 
 def _later_by(base: Baseline, clock: str, channels: Sequence[str]) -> float:

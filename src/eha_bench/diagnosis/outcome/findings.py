@@ -275,9 +275,11 @@ def _lateness_note(clock: LateClock, found: Estimate) -> str:
             f"CAUTION: the stamps of {name} are {by}, the most that is looked for: check their "
             "clock against that of the inputs; a lag of what they read may be no more than that"
         )
-    if np.isfinite(found.low) and np.isfinite(found.high):
-        low, high = sorted((sign * found.low, sign * found.high))
-        by += f" ({1e3 * low:.3g} to {1e3 * high:.3g} ms)"
+    half = 0.5e3 * (found.high - found.low)
+    if 0.0 < half < np.inf:
+        low, high = sorted((1e3 * sign * found.low, 1e3 * sign * found.high))
+        digits = int(np.clip(1.0 - np.floor(np.log10(half)), 0, 3))
+        by = f"{1e3 * abs(found.value):.{digits}f} ms {how} ({low:.{digits}f} to {high:.{digits}f} ms)"
     text = f"the stamps of {name} are {by} against those of the inputs: "
     text += "a property of the log, not an effect"
     if not clock.read_earlier:
