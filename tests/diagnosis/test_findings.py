@@ -23,7 +23,7 @@ from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.findings import (
     assemble,
     lateness_estimates,
-    lateness_note,
+    lateness_notes,
     own_estimates,
 )
 from eha_bench.diagnosis.search.state import RankedCandidate, Refit, Search
@@ -180,12 +180,27 @@ def test_a_run_s_own_estimates_are_sorted_by_run() -> None:
 
 def test_late_stamps_are_no_effect_but_a_property_of_the_log() -> None:
     places = Places(model().plant.layout, (), (LateClock("drive", 67), LateClock("block", 68)))
-    late = lateness_estimates(places, {"lateness of drive": Estimate(1.2e-3, 1.1e-3, 1.3e-3, "")})
-    assert late == {"drive": Estimate(1.2e-3, 1.1e-3, 1.3e-3, "s")}
-    assert lateness_note(late) == [
-        "the stamps of 'drive' are 1.2 ms late (1.1 to 1.3 ms) against those of the inputs: a "
+    late = lateness_estimates(places, {"lateness of drive": Estimate(1.2e-3, 1.05e-3, 1.35e-3, "")})
+    assert late == {"drive": Estimate(1.2e-3, 1.05e-3, 1.35e-3, "s")}
+    assert lateness_notes(places, late) == [
+        "the stamps of 'drive' are 1.20 ms late (1.05 to 1.35 ms) against those of the inputs: a "
         "property of the log, not an effect"
     ]
-    assert lateness_note({}) == []
-    (note,) = lateness_note({"adc": Estimate(-2e-3, -2e-3, 2e-3, "s")})
-    assert note.startswith("CAUTION: the stamps of 'adc' are late or early by 2 ms, the most that")
+    assert lateness_notes(places, {}) == []
+    (note,) = lateness_notes(places, {"block": Estimate(-2e-3, -2e-3, 2e-3, "s")})
+    assert note.startswith("CAUTION: the stamps of 'block' are 2 ms early, the most that")
+
+
+def test_stamps_that_are_read_earlier_are_late_by_that_as_well() -> None:
+    """All channels of the clock are named, and what a fit finds is beyond what it is read by."""
+    layout = model().plant.layout
+    clock = LateClock("p_a", 67, ("p_a", "p_b"), read_earlier=-12e-3)
+    places = Places(layout, (), (clock,))
+    late = lateness_estimates(places, {"lateness of p_a": Estimate(1e-3, 0.98e-3, 1.02e-3, "")})
+    assert late["p_a"].value == pytest.approx(-11e-3)
+    assert places.beyond_reading({"p_a": -11e-3}) == {"p_a": pytest.approx(1e-3)}
+    assert lateness_notes(places, late) == [
+        "the stamps of 'p_a' and 'p_b' are 11.000 ms early (10.980 to 11.020 ms) against those of "
+        "the inputs: a property of the log, not an effect; they are read that much later here: "
+        "give all topics stamps from one clock"
+    ]

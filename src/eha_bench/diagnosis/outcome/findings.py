@@ -279,7 +279,10 @@ def _lateness_note(clock: LateClock, found: Estimate) -> str:
     if 0.0 < half < np.inf:
         low, high = sorted((1e3 * sign * found.low, 1e3 * sign * found.high))
         digits = int(np.clip(1.0 - np.floor(np.log10(half)), 0, 3))
-        by = f"{1e3 * abs(found.value):.{digits}f} ms {how} ({low:.{digits}f} to {high:.{digits}f} ms)"
+        value, low_text, high_text = (
+            f"{item:.{digits}f}" for item in (1e3 * abs(found.value), low, high)
+        )
+        by = f"{value} ms {how} ({low_text} to {high_text} ms)"
     text = f"the stamps of {name} are {by} against those of the inputs: "
     text += "a property of the log, not an effect"
     if not clock.read_earlier:
