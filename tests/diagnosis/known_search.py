@@ -74,6 +74,7 @@ class LinearProblem:
     @staticmethod
     def _window(name: str) -> SimpleNamespace:
         measured = SimpleNamespace(
+            tick=1e-3,
             run=SimpleNamespace(name=name, locked=True), time=1e-3 * np.arange(TICKS), steps={},
             outputs=(),
             input_noise={}, colours={}, start=SimpleNamespace(is_estimated=False, value=0.0),

@@ -23,7 +23,7 @@ QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "Is something missing?": ("rest", "structure", "doubled", "discovery", "bursts", "look"),
     "Is a candidate believed?": (
         "gain", "share", "first", "much", "p_value", "p_hidden", "p_few", "plain",
-        "nearly_all", "runs_better", "p_clear", "worth", "together",
+        "nearly_all", "beside", "runs_better", "p_clear", "worth", "together",
     ),
     "Is another one as good?": ("behind", "behind_share", "chance", "white"),
     "Does an effect stand in the end?": (
@@ -119,6 +119,12 @@ class Thresholds:
         0.8,
         "part of the excess that leaves next to nothing",
         "chosen on blind rigs: a law of another form leaves as much",
+    )
+    beside: float = _threshold(
+        0.7,
+        "part that a further cause takes of what others leave, where that is as little as their "
+        "form",
+        "as `together`: half of the form of a null leak was an offset of both pressures",
     )
     runs_better: float = _threshold(
         0.5,
