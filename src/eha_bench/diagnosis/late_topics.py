@@ -215,7 +215,7 @@ def _with_late_topic(
     if best is base or not _is_late(base, best):
         return base
     noise = best.problem.noise
-    late, lag = _costs(best.problem, best.fit.vector, noise), _with_lag(base, best, channels)
+    late, lag = _costs(best.problem, best.fit.vector, noise), _with_lag(base, best, clock, channels)
     if lag is None:
         return best
     start, costs, constant = lag
@@ -289,7 +289,7 @@ def _is_late(base: Baseline, other: Baseline) -> bool:
 
 
 def _with_lag(
-    base: Baseline, late: Baseline, channels: Sequence[str]
+    base: Baseline, late: Baseline, clock: str, channels: Sequence[str]
 ) -> tuple[Start, _Costs, float] | None:
     """Return a lag of a topic's sensors that leaves least, its costs, and its time constant, s.
 
@@ -297,14 +297,18 @@ def _with_lag(
 
     Args:
         base: a calibration with stamps as they are. late: with the topic read earlier.
-        channels: of the topic.
+        clock, channels: of the topic.
     """
     search = begin(base)
     noise, size = late.problem.noise, base.problem.plant.layout.size
     problem = base.problem.with_noise(noise).at_step(COARSE)
     unbent = problem.places.lengthened(late.fit.vector[:size])
     unbent = problem.places.with_values(unbent, late.problem.places.values(late.fit.vector))
-    by = max(abs(item.read_earlier) for item in late.problem.places.late)
+    by = max((item.read_earlier for item in late.problem.places.late if item.clock == clock),
+             default=0.0)  # fmt: skip
+    if not by > 0.0:
+        # no lag makes readings early
+        return None
     found = []
     for start in (item for item in starts_of(search) if _is_lag(search, item, channels)):
         for begun, share in ((unbent, by / start.strength), (base.fit.vector, 1.0)):

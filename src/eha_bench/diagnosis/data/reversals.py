@@ -40,10 +40,10 @@ def goes_one_way(runs: Sequence[Measured], noise: Mapping[str, float]) -> tuple[
         runs, noise: as of `turns_back`.
     """
     moved = [way for item in runs for way in _ways(item, noise)]
-    both = {way.channel for way in moved if way.up > way.least} & {
-        way.channel for way in moved if way.down > way.least
-    }
-    return tuple(dict.fromkeys(way.channel for way in moved if way.channel not in both))
+    up = {way.channel for way in moved if way.up > way.least}
+    down = {way.channel for way in moved if way.down > way.least}
+    one_way = up ^ down
+    return tuple(dict.fromkeys(way.channel for way in moved if way.channel in one_way))
 
 
 class _Way(NamedTuple):
@@ -62,6 +62,8 @@ def _ways(item: Measured, noise: Mapping[str, float]) -> Iterator[_Way]:
         if read is None or not (name in item.roles.rates or name in item.roles.rate_of):
             continue
         column = read[np.isfinite(read)]
+        if not column.size:
+            continue
         least = max(_NOISE * noise.get(name, 0.0), _SHARE * float(np.ptp(column)))
         if name in item.roles.rates:
             yield _Way(name, float(column.max()), float(-column.min()), least)

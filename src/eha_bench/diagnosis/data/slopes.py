@@ -22,6 +22,8 @@ _LITTLE = 0.02
 """Noise of a slope, in the motion's standard deviation, that is little."""
 _GAP = 1.5
 """Length of some readings, in their usual one, that says that some are missing."""
+_SHARED = 8
+"""Lines that begin within the length of one."""
 
 
 class Slope(NamedTuple):
@@ -57,7 +59,10 @@ def slope_of(
     t, x = taken[good], values[good]
     if t.size < 2 * _FEWEST + 1:
         return None
-    most = max(_FEWEST, round(_REACH / float(np.median(np.diff(t)))))
+    tick = float(np.median(np.diff(t)))
+    if not tick > 0.0:
+        return None
+    most = max(_FEWEST, round(_REACH / tick))
     half = _FEWEST
     while True:
         at, slopes, spread = _lines(t, x, 2 * half + 1)
@@ -68,7 +73,7 @@ def slope_of(
     found = np.interp(time, at, slopes)
     nearest = np.abs(at[np.clip(np.searchsorted(at, time), 0, at.size - 1)] - time)
     before = np.abs(at[np.clip(np.searchsorted(at, time) - 1, 0, at.size - 1)] - time)
-    length = (2 * half + 1) * float(np.median(np.diff(t)))
+    length = (2 * half + 1) * tick
     return Slope(np.where(np.minimum(nearest, before) < length, found, np.nan), own, of)
 
 
@@ -77,7 +82,10 @@ def _lines(t: FloatArray, x: FloatArray, count: int) -> tuple[FloatArray, FloatA
 
     The spread is the root of the sum of (t - mean t)^2.
     """
-    times, values = sliding_window_view(t, count), sliding_window_view(x, count)
+    # lines that share nearly all readings tell the same
+    every = max(1, count // _SHARED)
+    times = sliding_window_view(t, count)[::every]
+    values = sliding_window_view(x, count)[::every]
     length = times[:, -1] - times[:, 0]
     whole = length < _GAP * float(np.median(length))
     times, values = times[whole], values[whole]

@@ -122,6 +122,7 @@ def one_way_notes(
     moving |= {name for item in measured for name in item.outputs if name in item.roles.rate_of}
     one_way = goes_one_way(measured, noise)
     if not dry or not one_way or set(one_way) != moving:
+        # what rests, or goes both ways, says nothing of the kind
         return []
     return [
         f"every fitted run goes one way ({', '.join(one_way)}), so {' and '.join(sorted(dry))} "

@@ -115,6 +115,8 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         notes.append(f"{text} {layout.by_key[key].unit}")
     notes += _value_notes(model, fit, assumed)
     notes += _notes_of_other_numbers(search)
+    if decision.verdict is not Verdict.UNKNOWN:
+        notes += _notes_of_equal_effects(search)
     notes += lateness_notes(search.problem.places, late)
     notes += decision.notes
     notes += ended.notes(["the learned curve" if name == LEARNED else name for name in added])
@@ -211,22 +213,36 @@ def _notes_of_other_numbers(search: Search) -> list[str]:
             and 1.0 - min(trial.comparison.share, trial.comparison.share_out) < ALL_BUT_A_FORM
         ]
         said = [
-            f"{key} of {trial.fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}".rstrip()
+            " and ".join(
+                f"{key} of {trial.fit.vector[layout.index[key]]:.4g} "
+                f"{layout.by_key[key].unit}".rstrip()
+                for key in trial.start.keys
+            )
             for trial in others
-            for key in trial.start.keys
         ]
         if said:
             notes.append(
                 f"another number explains about as much as {' and '.join(item.start.keys)}: "
                 f"{' or '.join(said)}; check them against the drawing"
             )
-        if item.equivalent:
-            notes.append(
-                f"these data do not distinguish {' and '.join(item.start.keys)} from "
-                f"{' or '.join(item.equivalent)}: check the number first; `eha-bench next` plans "
-                "the experiment that separates them"
-            )
     return notes
+
+
+def _notes_of_equal_effects(search: Search) -> list[str]:
+    """Say which effects would do as well as a number that is declared wrongly."""
+    added = {item.start.candidate for item in search.accepted}
+    numbers = [
+        item
+        for item in search.accepted
+        if item.start.is_parameter and not isinstance(item.start, SheetNumber)
+    ]
+    equal = [[name for name in item.equivalent if name not in added] for item in numbers]
+    return [
+        f"these data do not distinguish {' and '.join(item.start.keys)} from {' or '.join(names)}: "
+        "check the number first; `eha-bench next` looks for an experiment that separates them"
+        for item, names in zip(numbers, equal, strict=True)
+        if names
+    ]
 
 
 def own_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[str, dict[str, Estimate]]:

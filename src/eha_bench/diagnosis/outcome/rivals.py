@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import LEARNED, Start
+from eha_bench.diagnosis.fit.candidates import LEARNED, SheetNumber, Start
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.uncertainty import posterior
@@ -22,6 +22,7 @@ from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.other_forms import other_forms
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rival import Rival, Standing
+from eha_bench.diagnosis.search.equivalent import is_as_good
 from eha_bench.diagnosis.search.exchange import fit_in_place
 from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
@@ -61,7 +62,10 @@ def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[
     rivals = [
         rival
         for item in search.accepted
-        if item.start.is_parameter and found.verdict is not Verdict.UNKNOWN
+        if item.start.is_parameter
+        # parts differ from their sheet, and that is no rival of anything
+        and not isinstance(item.start, SheetNumber)
+        and found.verdict is not Verdict.UNKNOWN
         for rival in _equal_to(search, item, found.recalibrated)
     ]
     if found.verdict is Verdict.EFFECT:
@@ -113,8 +117,13 @@ def _equal_to(search: Search, item: Accepted, declared: Model) -> Iterator[Rival
     """
     others = [other.start.candidate for other in search.effects if other is not item]
     for trial in search.look_of(item):
-        if trial.candidate in item.equivalent:
+        if trial.candidate in item.equivalent and trial.candidate not in others:
             fit = fit_in_place(search, item, trial)
+            # equivalents of an effect were asked again when all was found
+            if item.start.is_parameter and not is_as_good(
+                search, fit, search.fit, item.comparison.gain
+            ):
+                continue
             added = [*others, trial.candidate]
             behind = fit.cost - search.fit.cost
             yield _rival(search, fit, declared, added, Standing.EQUIVALENT, behind)

@@ -193,7 +193,8 @@ def fit_in_place(search: Search, item: Accepted, trial: Refit) -> Fit:
     modulus, whose ratio alone shows) would be behind for that, and be predicted from there.
     """
     vector = trial.start.as_in(trial.fit.vector, item.start.off(search.fit.vector))
-    if len(search.effects) == 1 and search.accepted[-1] is item:
+    several = search.accepted if item.start.is_parameter else search.effects
+    if len(several) == 1 and search.accepted[-1] is item:
         # nothing came after it: its parameters are those of its fit
         vector = trial.fit.vector.copy()
     free = tuple(

@@ -39,8 +39,8 @@ def _within_stamps(search: Search, effect: BoundEffect, size: float) -> str:
     if size >= search.thresholds.instant * tick:
         return ""
     return (
-        f"its {effect.strength.name} is {1e3 * size:.2g} ms where samples are {1e3 * tick:.3g} ms "
-        "apart: stamps do not tell so little"
+        f"its {effect.strength.name} of {1e3 * size:.2g} ms is too short to be told from time "
+        f"stamps that are {1e3 * tick:.3g} ms apart"
     )
 
 
@@ -56,6 +56,6 @@ def _within_noise(search: Search, effect: BoundEffect, size: float, vector: Floa
     if finest is None or size >= search.thresholds.narrow * read[finest]:
         return ""
     return (
-        f"its {effect.strength.name} is {size:.2g} {unit}, and '{finest}' is read to "
-        f"{read[finest]:.2g} {unit}: a sensor's steps make as much"
+        f"its {effect.strength.name} of {size:.2g} {unit} is within the noise of '{finest}', "
+        f"{read[finest]:.2g} {unit}: the steps of a sensor make as much"
     )
