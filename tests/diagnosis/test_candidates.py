@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eha_bench.diagnosis.fit.candidates import (
+    SameNumber,
     SheetNumber,
     all_starts,
     declared_sizes,
@@ -148,6 +149,11 @@ def test_two_areas_that_are_declared_alike_are_one_number_in_doubt(repository: P
     assert start.keys == names
     assert list(start.apply(vector)[places]) == pytest.approx([8.8e-4, 8.8e-4])
     assert np.array_equal(start.off(start.apply(vector)), vector)
+    assert isinstance(start, SameNumber)
+    assert start.is_one(start.apply(vector))
+    apart = start.apply(vector)
+    apart[places[1]] *= 1.03
+    assert not start.is_one(apart)
     # the number of a drawing is no spread of parts, and is named
     assert not isinstance(start, SheetNumber)
     assert not any(names[1] in item.keys for item in all_starts(layout, vector, (), names[:1]))

@@ -29,6 +29,7 @@ from eha_bench.diagnosis.outcome.beyond_training import beyond_training, uncheck
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.honest import (
     _against,
+    _part_of_a_form,
     _takes_from_belief,
     against_the_end,
 )
@@ -240,6 +241,29 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
     )
     text = _against(search, item)
     assert re.search(says, text) if says else text == ""
+
+
+@pytest.mark.parametrize(
+    ("others", "gain", "share", "says"),
+    [
+        # of 28 times the noise's cost the others leave 1 %, and it takes 40 % of that
+        (1, 400.0, 0.4, "takes 40 % of the 1.0 % that the other causes leave"),
+        (1, 800.0, 0.8, ""),
+        (1, 8000.0, 0.4, ""),
+        (0, 400.0, 0.4, ""),
+    ],
+)
+def test_a_part_of_the_little_that_others_leave_is_their_form(others, gain, share, says):
+    start = Start("asymmetric_friction", (), 0, 0.0, 0.1, -0.8, 0.8, (), "torque")
+    found = replace(GOOD, gain=gain, gain_out=gain, share=share, share_out=share)
+    item = Accepted(start, found, ())
+    search = SimpleNamespace(
+        thresholds=DEFAULT,
+        effects=[item, *([Accepted(start, GOOD, ())] * others)],
+        excess_base=SimpleNamespace(total=1e5),
+    )
+    text = _part_of_a_form(search, item)
+    assert says in text if says else text == ""
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,11 @@ class SameNumber(Start):
         """Return the number of all parts, from that of the first one."""
         return cls(**{**vars(start), "keys": tuple(names)}, also=tuple(places[1:]))
 
+    def is_one(self, vector: FloatArray) -> bool:
+        """Whether parts that were fitted each for itself still have one number."""
+        sizes = vector[self._sizes]
+        return float(np.ptp(sizes)) <= _SAME * float(np.abs(sizes).max())
+
     @property
     def _sizes(self) -> list[int]:
         return [self.strength_at, *self.also]

@@ -66,7 +66,7 @@ def _dropped(search: Search) -> list[Refusal]:
     refused = []
     for item in reversed(search.effects):
         refit: Fit | None = None
-        reason = _against(search, item)
+        reason = _against(search, item) or _part_of_a_form(search, item)
         if not reason and len(search.effects) > 1 and is_loose(search, item):
             refit = without(search, item)
             reason = _beside_others(search, item, refit)
@@ -271,6 +271,22 @@ def _deviations_off(search: Search, item: Accepted) -> float:
     """
     off = deviations_off(search, item.start)
     return off if off > 0.0 else sqrt(max(item.comparison.gain, 0.0))
+
+
+def _part_of_a_form(search: Search, item: Accepted) -> str:
+    """Say that an effect takes only a part of the little that others leave, or nothing.
+
+    However it was found: what takes less than most of that is more likely how their laws bend.
+    """
+    limits, found = search.thresholds, item.comparison
+    share = min(found.share, found.share_out)
+    before = found.gain / max(found.share, 1e-12) / max(search.excess_base.total, 1.0)
+    if len(search.effects) < 2 or before >= limits.little or share >= limits.beside:
+        return ""
+    return (
+        f"it takes {per_cent(max(share, 0.0))} of the {per_cent(before, 1)} that the other causes "
+        "leave: more likely the form of their laws"
+    )
 
 
 def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:

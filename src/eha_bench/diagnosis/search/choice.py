@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from eha_bench.diagnosis.fit.candidates import SheetNumber, is_drawn
+from eha_bench.diagnosis.fit.beliefs import FAR, contradicted
+from eha_bench.diagnosis.fit.candidates import SameNumber, SheetNumber, is_drawn
 from eha_bench.diagnosis.fit.evidence import against_beliefs
+from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.search.bounds import are_inside
 from eha_bench.diagnosis.search.equivalent import CHANCE, is_as_good, tie
 from eha_bench.diagnosis.search.resolution import below_reading
@@ -89,7 +91,10 @@ def _is_acceptable(search: Search, item: Refit) -> bool:
         return False
     if not _relieves(search, item):
         return False
-    if isinstance(item.start, SheetNumber) and not item.start.is_within(item.fit.vector):
+    if isinstance(item.start, SheetNumber):
+        if not item.start.is_within(item.fit.vector):
+            return False
+    elif isinstance(item.start, SameNumber) and not _is_one_number(search, item.start, item.fit):
         return False
     if below_reading(search, item.start, item.fit.vector):
         return False
@@ -100,6 +105,15 @@ def _is_acceptable(search: Search, item: Refit) -> bool:
     if little_left and min(found.share, found.share_out) < limits.beside:
         return False
     return limits.is_enough(found, search.excess_left, len(search.effects))
+
+
+def _is_one_number(search: Search, start: SameNumber, fit: Fit) -> bool:
+    """Whether several parts have one other number, with which all that is believed goes along.
+
+    Two areas make up for a sensor's gain as well, and then a pump's displacement for them.
+    """
+    against = contradicted(search.problem.beliefs, fit.vector, FAR)
+    return start.is_one(fit.vector) and not against
 
 
 def _relieves(search: Search, item: Refit) -> bool:

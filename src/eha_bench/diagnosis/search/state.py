@@ -8,7 +8,14 @@ from dataclasses import dataclass, field, replace
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.reversals import turns_back
 from eha_bench.diagnosis.fit.baseline import Baseline
-from eha_bench.diagnosis.fit.candidates import Start, all_starts, declared_sizes, start_values
+from eha_bench.diagnosis.fit.candidates import (
+    SameNumber,
+    SheetNumber,
+    Start,
+    all_starts,
+    declared_sizes,
+    start_values,
+)
 from eha_bench.diagnosis.fit.evidence import (
     Excess,
     Groups,
@@ -182,7 +189,9 @@ def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
     return [
         start
         for start in starts
-        if start.candidate not in hidden and not _is_of_unread_sensor(search.problem, start)
+        if start.candidate not in hidden
+        and not _is_of_unread_sensor(search.problem, start)
+        and not _is_of_unread_side(search.problem, start)
     ]
 
 
@@ -193,6 +202,17 @@ def shown_by_no_run(problem: Problem) -> tuple[str, ...]:
         return ()
     runs = {item.measured.run.name: item.measured for item in problem.windows}
     return () if turns_back([*runs.values()], problem.noise) else reversing
+
+
+def _is_of_unread_side(problem: Problem, start: Start) -> bool:
+    """Whether it is one number of both sides of a cylinder, of which not both pressures are read.
+
+    The gain of one sensor is as good then.
+    """
+    if not isinstance(start, SameNumber) or isinstance(start, SheetNumber):
+        return False
+    pair = problem.plant.roles.pair
+    return not pair or not {*pair} <= problem.noise.keys()
 
 
 def _is_of_unread_sensor(problem: Problem, start: Start) -> bool:
