@@ -94,7 +94,9 @@ def finished(*names: str, left: float = 300.0) -> Any:
     )  # fmt: skip
 
 
-CURVE: Any = SimpleNamespace()
+CURVE: Any = SimpleNamespace(
+    position="",
+)
 LEFT = Remainder(0.3, "torque", "shaft", "motor_speed", 0.99, curve=CURVE)
 
 

@@ -35,7 +35,7 @@ from eha_bench.diagnosis.fit.baseline import (
 from eha_bench.diagnosis.fit.candidates import Start, start_values
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
-from eha_bench.diagnosis.fit.own_parameters import LATEST
+from eha_bench.diagnosis.fit.own_parameters import is_latest
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.search.refit import free_of
@@ -48,8 +48,6 @@ _FINE: Final = 1e-3
 _NEARER: Final = 0.5
 """Mean square distance of its readings from a simulation of another time, over that from one of
 their own, from which a topic may be late."""
-_AT_MOST: Final = 0.99
-"""Share of the largest lateness from which a clock stands there."""
 _FEWEST: Final = 20
 """Fewest readings that are compared."""
 _ROUNDS: Final = 3
@@ -158,7 +156,7 @@ def _instead_of(
         free = free_of(begin(other, search.thresholds), begun, others)
         vector = levenberg_marquardt(problem, begun, free).vector
         by = there.lateness(vector).get(clock, 0.0)
-        if abs(by) < _AT_MOST * LATEST:
+        if not is_latest(by):
             break
     noise = other.problem.noise
     costs = _costs(other.problem, vector, noise)
@@ -192,8 +190,7 @@ def _topics(base: Baseline) -> dict[str, tuple[str, ...]]:
 
 
 def _is_at_bound(base: Baseline, clock: str) -> bool:
-    late = base.problem.places.lateness(base.fit.vector).get(clock, 0.0)
-    return abs(late) > _AT_MOST * LATEST
+    return is_latest(base.problem.places.lateness(base.fit.vector).get(clock, 0.0))
 
 
 def _with_late_topic(

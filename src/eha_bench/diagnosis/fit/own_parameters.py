@@ -45,7 +45,14 @@ class RunParameter:
 LATEST = 2e-3
 """Most that a fit takes a topic's stamps to be late by, s; early ones likewise. With more, it would
 take a lag of what is read for it: that is told apart before (`late_topics`)."""
+_AT_MOST = 0.99
+"""Share of that from which stamps are late by the most."""
 LATENESS = Parameter("lateness", "s", 0.0, -LATEST, LATEST)
+
+
+def is_latest(late: float) -> bool:
+    """Whether stamps are late or early by the most that a fit takes them to be, s."""
+    return abs(late) > _AT_MOST * LATEST
 
 
 @dataclass(frozen=True)

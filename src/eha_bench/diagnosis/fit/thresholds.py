@@ -278,6 +278,14 @@ class Thresholds:
         level = not self.has_structure(before) and not others
         return level and self.is_clear(found, before.size)
 
+    def is_part_of_a_form(self, found: Improvement, left: float) -> bool:
+        """Whether a gain is only a part of the little that others leave: how their laws bend.
+
+        Args:
+            found: what a cause gains. left: what the others leave of what was missing, as a share.
+        """
+        return left < self.little and min(found.share, found.share_out) < self.beside
+
     def is_much(self, missing: Excess) -> bool:
         """Whether so much is missing that a remainder is to be expected."""
         return missing.relative > self.much

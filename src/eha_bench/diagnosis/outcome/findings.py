@@ -15,7 +15,7 @@ from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
 from eha_bench.diagnosis.fit.finish import ConvergedFit, converged_fit
 from eha_bench.diagnosis.fit.friction_at_rest import friction_at_rest_of
 from eha_bench.diagnosis.fit.least_squares import Fit
-from eha_bench.diagnosis.fit.own_parameters import LATENESS, LATEST, LateClock, Places
+from eha_bench.diagnosis.fit.own_parameters import LATENESS, LateClock, Places, is_latest
 from eha_bench.diagnosis.fit.profile import profile_deviation
 from eha_bench.diagnosis.fit.refitted_profile import strength_interval
 from eha_bench.diagnosis.fit.uncertainty import (
@@ -48,8 +48,6 @@ from eha_bench.plants.parameter import Parameter
 
 _MUCH = 0.25
 """Share of the excess from which a candidate that may be chance is worth another recording."""
-_AT_MOST = 0.99
-"""Share of the largest lateness from which a clock stands there."""
 _OPPOSITE = 0.05
 """Relative difference of two values whose signs alone differ."""
 
@@ -286,7 +284,7 @@ def _lateness_note(clock: LateClock, found: Estimate) -> str:
     name = " and ".join(f"'{channel}'" for channel in clock.channels or (clock.clock,))
     sign, how = (1.0, "late") if found.value >= 0.0 else (-1.0, "early")
     by = f"{1e3 * abs(found.value):.3g} ms {how}"
-    if abs(found.value - clock.read_earlier) > _AT_MOST * LATEST:
+    if is_latest(found.value - clock.read_earlier):
         return (
             f"CAUTION: the stamps of {name} are {by}, the most that is looked for: check their "
             "clock against that of the inputs; a lag of what they read may be no more than that"

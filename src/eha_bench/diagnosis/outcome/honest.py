@@ -278,14 +278,14 @@ def _part_of_a_form(search: Search, item: Accepted) -> str:
 
     However it was found: what takes less than most of that is more likely how their laws bend.
     """
-    limits, found = search.thresholds, item.comparison
-    share = min(found.share, found.share_out)
+    found = item.comparison
     before = found.gain / max(found.share, 1e-12) / max(search.excess_base.total, 1.0)
-    if len(search.effects) < 2 or before >= limits.little or share >= limits.beside:
+    if len(search.effects) < 2 or not search.thresholds.is_part_of_a_form(found, before):
         return ""
+    share = max(min(found.share, found.share_out), 0.0)
     return (
-        f"it takes {per_cent(max(share, 0.0))} of the {per_cent(before, 1)} that the other causes "
-        "leave: more likely the form of their laws"
+        f"it takes {per_cent(share)} of the {per_cent(before, 1)} that the other causes leave: "
+        "more likely the form of their laws"
     )
 
 

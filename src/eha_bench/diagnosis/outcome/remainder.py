@@ -41,7 +41,6 @@ class Remainder:
         found_there: effects at the same place: their law may be another one, and then their
             sizes have no intervals.
         curve: what `explained` is of, None where none explains any of it.
-        position: channel whose derivative the variable is, "" where the variable is a channel.
     """
 
     share: float
@@ -52,7 +51,11 @@ class Remainder:
     near: tuple[str, ...] = ()
     found_there: tuple[str, ...] = ()
     curve: LocatedCurve | None = None
-    position: str = ""
+
+    @property
+    def position(self) -> str:
+        """Channel whose derivative the variable is, "" where the variable is a channel."""
+        return self.curve.position if self.curve is not None else ""
 
     @property
     def follows(self) -> str:
@@ -116,7 +119,7 @@ def remainder(
     there = tuple(name for name, balance, where in places if balance == equation and where in here)
     variable = best.template.variable
     explained = min(best.share, 1.0)
-    return Remainder(share, equation, at, variable, explained, near, there, best, best.position)
+    return Remainder(share, equation, at, variable, explained, near, there, best)
 
 
 def acting_at(plant: Plant, place: str) -> frozenset[str]:

@@ -101,8 +101,7 @@ def _is_acceptable(search: Search, item: Refit) -> bool:
     if is_drawn(search.problem.plant.layout, item.start):
         # one that is only bent by what is missing explains a part of it, and carries over badly
         return min(found.share, found.share_out) > limits.nearly_all
-    little_left = search.effects and search.share_left < limits.little
-    if little_left and min(found.share, found.share_out) < limits.beside:
+    if search.effects and limits.is_part_of_a_form(found, search.share_left):
         return False
     return limits.is_enough(found, search.excess_left, len(search.effects))
 
