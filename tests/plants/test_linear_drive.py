@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy.io
+from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
@@ -239,3 +241,32 @@ def test_asymmetric_friction_fitted_to_emps_predicts_the_pulses(emps) -> None:
     assert fit.x[4] == pytest.approx(-0.18, abs=0.03)
     assert _rms(_replay(validation, model)) < 2.3
     assert _rms(_replay(validation, model, pulses=False)) > 90.0
+
+
+@pytest.mark.parametrize("asymmetry", [0.4, -0.4])
+def test_bristles_of_lopsided_friction_pull_as_they_are_bent(effect, asymmetry) -> None:
+    """Where the motion turns back, their pull goes on from where it was (SciPy's own solution)."""
+    mass, level, distance, damping = 2.0, 20.0, 1e-4, 2e-3
+    time = np.arange(0.0, 0.5, 1e-3)
+    # held between samples, as the drive holds it; turns before and after the friction breaks away
+    volts = 0.9 * np.sin(2 * np.pi * 7.0 * time) * (1.0 + time)
+
+    def rates(t: float, y: FloatArray, pushed: float) -> list[float]:
+        _, v, z = y
+        bending = v - abs(v) * z
+        side = 1.0 + asymmetry * np.sign(z)
+        pull = level * side * (z + damping * bending / distance)
+        return [v, (pushed - pull) / mass, bending / distance]
+
+    state, expected = np.zeros(3), [0.0]
+    for pushed in G * volts[:-1]:
+        state = solve_ivp(rates, (0.0, 1e-3), state, "LSODA", args=(pushed,), rtol=1e-9,
+                          atol=1e-13).y[:, -1]  # fmt: skip
+        expected.append(state[0])
+    bristles = effect("presliding_friction", distance=distance, damping_time=damping)
+    got = _run(
+        time, {"voltage": volts}, effect("asymmetric_friction", asymmetry=asymmetry, kind="dry"),
+        bristles, step=1e-5, mass=mass, viscous_friction=0.0, coulomb_friction=level,
+    )["position"]  # fmt: skip
+    assert np.ptp(expected) > 5.0 * distance
+    assert np.max(np.abs(got - expected)) < 2e-3 * np.ptp(expected)

@@ -30,7 +30,8 @@ Written by `python -m eha_bench.plants.catalogue roles`; a test compares this pa
 """
 
 _CHANGED: Final = {
-    "dry": "level of the dry friction, an effort; `direction` of the motion may be named as well",
+    "dry": "level of the dry friction, an effort; `direction` of the motion may be named as well, "
+    "and how far bristles are `bent`, -1 to 1; 0 where there are none",
     "sticks": "effort up to which friction holds what rests; the level of `dry` by default",
     "viscous": "coefficient of the viscous friction, effort over speed",
     "net": "sum of all efforts but the dry friction, whose `level` may be named as well",

@@ -3,7 +3,8 @@
     F_f(+) = F_f (1 + a),   F_f(-) = F_f (1 - a)
 
 of anything that moves: its dry friction, its viscous friction, or both (`kind`). It scales whatever
-friction there is, also that of other effects.
+friction there is, also that of other effects. Bristles that are bent pull as they are bent, also
+where the motion has turned back already: their pull has no jump there.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083,
 doi:10.1016/0005-1098(94)90209-7; EMPS, whose viscous friction is lopsided: Janot,
@@ -12,15 +13,20 @@ Gautier, Brunot, Workshop on Nonlinear System Identification Benchmarks 2019.
 
 from __future__ import annotations
 
+import math
+
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _DRY, _VISCOUS, _ALL = 0.0, 1.0, 2.0
 
 
-def dry(level: float, direction: float, asymmetry: float, kind: float) -> float:
-    """Return the dry friction for a direction, N (or N*m)."""
-    return level if kind == _VISCOUS else level * (1.0 + asymmetry * direction)
+def dry(level: float, direction: float, bent: float, asymmetry: float, kind: float) -> float:
+    """Return the dry friction for a direction, or for that of bent bristles, N (or N*m)."""
+    if kind == _VISCOUS:
+        return level
+    along = direction if bent == 0.0 else math.copysign(1.0, bent)
+    return level * (1.0 + asymmetry * along)
 
 
 def viscous(coefficient: float, speed: float, asymmetry: float, kind: float) -> float:

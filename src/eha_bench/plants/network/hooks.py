@@ -41,10 +41,13 @@ class Hooks:
     def __init__(self, layout: Layout, first: int) -> None:
         self.layout = layout
         self.states: dict[str, int] = {}
+        self._owners: dict[str, tuple[BoundEffect, Spot]] = {}
         for effect in layout.effects:
             for spot in effect.spots:
                 for state in effect.effect.states:
-                    self.states[f"{effect.id}.{state}@{spot.name}"] = first + len(self.states)
+                    key = f"{effect.id}.{state}@{spot.name}"
+                    self.states[key] = first + len(self.states)
+                    self._owners[key] = effect, spot
         self._order = sorted(layout.effects, key=lambda e: (e.effect.order, e.id))
         self._uses: dict[str, list[_Use]] = {}
         for effect in self._order:
@@ -238,7 +241,8 @@ class Hooks:
     def _resolved(self, expression: str, effect: BoundEffect, spot: Spot) -> str:
         """Return an expression with parameters of effects, `@effect.name`, put in; 0 for none.
 
-        `@own.name` is a state of the effect that asks, at its spot.
+        `@own.name` is a state of the effect that asks, at its spot; a state of another effect, at
+        the same spot, is 0 where that one is off.
         """
 
         def place(found: re.Match[str]) -> str:
@@ -246,6 +250,8 @@ class Hooks:
             if owner == _OWN:
                 state = f"{effect.id}.{name}@{spot.name}"
                 return f"S[{self.states[state]}]" if state in self.states else "0.0"
+            if (state := f"{key}@{spot.name}") in self.states:
+                return f"(S[{self.states[state]}] if {self._guard(*self._owners[state])} else 0.0)"
             return f"P[{self.layout.index[key]}]" if key in self.layout.index else "0.0"
 
         return _OF_EFFECT.sub(place, expression)

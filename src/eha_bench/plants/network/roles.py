@@ -233,7 +233,7 @@ def _usual(system: System, item: Coordinate) -> dict[str, float]:
 def _coordinate_hooks(item: Coordinate) -> dict[str, tuple[Hook, ...]]:
     name = item.name
     return {
-        "dry": (Hook(f"dry:{name}"),),
+        "dry": (Hook(f"dry:{name}", {"bent": "@presliding_friction.bristle"}),),
         "sticks": (Hook(f"sticks:{name}"),),
         "viscous": (Hook(f"viscous:{name}"),),
         "net": (Hook(f"net:{name}"),),
