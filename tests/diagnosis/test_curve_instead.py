@@ -97,6 +97,7 @@ def finished(*names: str, left: float = 300.0) -> Any:
 CURVE: Any = SimpleNamespace(
     position="",
 )
+THERE = ("torque_saturation",)
 LEFT = Remainder(0.3, "torque", "shaft", "motor_speed", 0.99, curve=CURVE)
 
 
@@ -109,6 +110,16 @@ def test_a_curve_that_leaves_less_alone_speaks_against_the_effect(costs: dict[st
     )
     costs["curve"] = 160.0  # of 300: little less than the effect leaves
     assert curve_instead(finished("torque_saturation"), LEFT, 1e-3) is None
+
+
+def test_a_law_that_leaves_more_than_a_form_at_its_own_place_is_another_one(
+    costs: dict[str, float],
+) -> None:
+    """A valve that opens with the square of its command is smooth near nothing, as a dead band."""
+    left = Remainder(0.3, "torque", "shaft", "motor_speed", 0.6, (), THERE, CURVE)
+    assert curve_instead(finished("torque_saturation"), left, 1e-3) is not None
+    costs["curve"] = 160.0
+    assert curve_instead(finished("torque_saturation"), left, 1e-3) is None
 
 
 def test_a_small_cause_beside_a_large_one_stands(
@@ -129,8 +140,9 @@ def test_a_small_cause_beside_a_large_one_stands(
         (Remainder(0.3, "torque", "shaft", "motor_speed", 0.7, curve=CURVE), 300.0),
         (Remainder(0.3, "torque", "shaft"), 300.0),  # no curve explains any of it
         # the law of the effect itself
-        (Remainder(0.3, "torque", "shaft", "motor_speed", 0.99, (), ("torque_saturation",), CURVE),
-         300.0),
+        (Remainder(0.15, "torque", "shaft", "motor_speed", 0.99, (), THERE, CURVE), 300.0),
+        # which the curve does not follow
+        (Remainder(0.4, "torque", "shaft", "motor_speed", 0.3, (), THERE, CURVE), 300.0),
         (LEFT, 10.0),  # as little as another form leaves
     ],
 )  # fmt: skip

@@ -6,6 +6,8 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 
 @pytest.fixture
@@ -48,6 +50,42 @@ def test_sensor_lag_reaches_63_percent_of_a_step(knee, effect) -> None:
     np.testing.assert_allclose(
         1 - read[1:], (1 - read[1]) * np.exp(-(time[1:] - 1e-3) / 4e-3), rtol=1e-3
     )
+
+
+def test_one_slow_pressure_sensor_leaves_the_other_as_it_is(run, effect) -> None:
+    true, read = run(), run(effect("pressure_sensor_lag", time_constant=3e-3, at="pressure_b"))
+    both = run(effect("pressure_sensor_lag", time_constant=3e-3))
+    np.testing.assert_array_equal(read["pressure_a"], true["pressure_a"])
+    np.testing.assert_array_equal(read["pressure_b"], both["pressure_b"])
+    assert np.max(np.abs(both["pressure_a"] - true["pressure_a"])) > 1e4
+
+
+def test_a_filtered_position_follows_its_first_order_law(knee, effect) -> None:
+    """By SciPy's solution of tau dx_read/dt = x - x_read along the true position."""
+    tau = 6e-3
+    time = np.arange(0.0, 0.4, 1e-3)
+    current = 10.0 * np.sin(2 * np.pi * 5 * time) * np.exp(-2.0 * time)
+    slow = effect("position_sensor_lag", time_constant=tau)
+    true = knee.run(time, current, locked=False)["piston_position"]
+    read = knee.run(time, current, slow, locked=False)["piston_position"]
+    path = CubicSpline(time, true)
+    expected = solve_ivp(
+        lambda t, x: (path(t) - x) / tau, (0.0, time[-1]), [true[0]], t_eval=time, rtol=1e-9,
+        atol=1e-12, max_step=1e-3,
+    ).y[0]  # fmt: skip
+    assert np.max(np.abs(true - read)) > 50.0 * np.max(np.abs(expected - read))
+
+
+def test_a_filtered_position_is_behind_a_steady_motion_from_the_first_sample_on(
+    knee, effect
+) -> None:
+    time = np.arange(0.0, 0.02, 1e-3)
+    speed = 0.05
+    inputs = {"piston_velocity": np.full(time.size, speed), "current_command": np.zeros(time.size)}
+    slow = effect("position_sensor_lag", time_constant=4e-3)
+    true = knee.run(time, inputs, locked=False)["piston_position"]
+    read = knee.run(time, inputs, slow, locked=False)["piston_position"]
+    np.testing.assert_allclose(true - read, speed * 4e-3, rtol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,8 @@ class Effect:
         yields_to: id of an effect that describes the same with less: it is named where both
             explain what is there.
         reversing: whether it shows only where a motion turns back.
+        relative: whether a sensor of something else has to be read: alone, it is late as a command
+            is.
     """
 
     id: str
@@ -164,6 +166,7 @@ class Effect:
     order: int = 0
     yields_to: str = ""
     reversing: bool = False
+    relative: bool = False
 
     def __post_init__(self) -> None:
         """Refuse names that mean nothing: misspelt, they would be without effect.

@@ -80,6 +80,8 @@ class Measured:
         lateness: clock -> s by which its stamps are late, as far as it is known.
         unsure: input -> its values that were not logged.
         given_every: input -> s from one of its values to the next, where that is less than `tick`.
+        asked_before: input -> what it was held at before the first tick, SI; one without was what
+            it is at the first tick.
         apart: whether channels tick on different clocks.
     """
 
@@ -106,6 +108,7 @@ class Measured:
     lateness: Mapping[str, float] = field(default_factory=dict)
     unsure: Mapping[str, LostValues] = field(default_factory=dict)
     given_every: Mapping[str, float] = field(default_factory=dict)
+    asked_before: Mapping[str, float] = field(default_factory=dict)
     apart: bool = False
 
     def at(self, channel: str, ticks: slice | IndexArray) -> FloatArray:
@@ -142,6 +145,19 @@ class Measured:
         known = {**self.run.parameters, **parameters}
         own = {key: place for key, place in self.run.own.items() if key not in known}
         return replace(self, run=replace(self.run, parameters=known, own=own))
+
+    def beginning(self, length: float) -> Measured:
+        """Return what the same run is for some seconds, two samples at least."""
+        n = max(2, int(np.searchsorted(self.time, self.time[0] + length)))
+        return replace(
+            self,
+            time=self.time[:n],
+            inputs={name: values[:n] for name, values in self.inputs.items()},
+            values=self.values[:n],
+            valid=self.valid[:n],
+            breaks=tuple(tick for tick in self.breaks if tick < n),
+            taken={name: values[:n] for name, values in self.taken.items()},
+        )
 
     def ended(self, until: float) -> Measured:
         """Return the same run with no reading believed from a time on, s from its first sample."""
@@ -269,13 +285,22 @@ class Measured:
         time = self.time[rows]
         # all at once: what follows with time knows nothing of them
         time[: before.size] = self.time[lead] - AT_ONCE * np.arange(before.size, 0, -1)
+        inputs = {name: values[rows] for name, values in self.inputs.items()}
+        known = before.size + first - lead
+        if self.asked_before and lead == 0:
+            known += 1
+            time = np.concatenate([[time[0] - AT_ONCE], time])
+            inputs = {
+                name: np.concatenate([[self.asked_before.get(name, values[0])], values])
+                for name, values in inputs.items()
+            }
         return Drive(
             time,
-            {name: values[rows] for name, values in self.inputs.items()},
+            inputs,
             initial or {},
             self.run.locked,
             self.run.bypass_open,
-            before.size + first - lead,
+            known,
             turns=before.size,
         )
 

@@ -38,6 +38,10 @@ _RESTED = 5
 """Fewest samples of a speed, all within the noise of nothing, from which a run begins at rest."""
 _STEP = 0.1
 """Share of what a valve's command goes through from which it is much."""
+_ASKED = 0.02
+"""Share of what a valve's command goes through from which it moves the machine."""
+_LITTLE = 1e-3
+"""And up to which it rests."""
 _ENOUGH = 7
 """Samples around a tick that say how far a polynomial through them may be off."""
 _FEWEST_BESIDE = 3
@@ -102,7 +106,8 @@ def _first_start(measured: Measured, noise: Mapping[str, float], allowed: BoolAr
     begins with a valve's step, what its spool and a drive were asked for before is not in the log.
     """
     moves = _begins_in_motion(measured, noise) or _turns_at_first(measured, noise)
-    if not (moves or steps_at_first(measured)):
+    given = any(is_given_at_first(measured, name) for name in measured.roles.remembered)
+    if not (moves or steps_at_first(measured) or given):
         return 0
     within = np.flatnonzero(allowed[: np.searchsorted(measured.time, FREE_WINDOW)])
     return int(within[0]) if within.size else 0
@@ -393,6 +398,19 @@ def steps_at_first(measured: Measured) -> tuple[str, ...]:
     )
 
 
+def is_given_at_first(measured: Measured, name: str) -> bool:
+    """Whether a valve is asked for something at a run's first sample, and at once for another.
+
+    What it was asked for before is in no log then; a command that rests was there before.
+    """
+    own = measured.inputs.get(name)
+    if own is None:
+        return False
+    swing = float(np.ptp(own))
+    rests = np.all(np.abs(own[:_RESTED] - own[0]) <= _LITTLE * swing)
+    return bool(abs(own[0]) > _ASKED * swing and not rests)
+
+
 def _turns_at_first(measured: Measured, noise: Mapping[str, float]) -> bool:
     """Whether a speed that was logged is not that of rest in a run's first samples."""
     for name in measured.roles.rates:
@@ -433,7 +451,7 @@ def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
     longest = min(200, measured.time.size)
     end = longest
     for name, values in measured.inputs.items():
-        little = max(1e-3 * (np.ptp(values) or 1.0), 6.0 * measured.input_noise.get(name, 0.0))
+        little = max(_LITTLE * (np.ptp(values) or 1.0), 6.0 * measured.input_noise.get(name, 0.0))
         moved = np.flatnonzero(np.abs(values[:longest] - values[0]) > little)
         if moved.size:
             end = min(end, int(moved[0]) + 1)

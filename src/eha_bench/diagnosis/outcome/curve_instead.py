@@ -5,6 +5,10 @@ and what that leaves follows the speed. Where an effect leaves a remainder that 
 variable explains at another place, the same curve is fitted without the effect: where it leaves
 much less than the effect does, and than the effect explains, the effect only imitated it. A curve
 of what remains beside a cause that is there leaves what that explains.
+
+A curve at the effect's own place is its law in another form, as long as the effect leaves no more
+than a form does. A valve whose opening grows with the square of its command is no dead band for
+that: what is smooth near nothing is all that they share.
 """
 
 from __future__ import annotations
@@ -14,10 +18,11 @@ from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
+from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.outcome.remainder import Remainder
 from eha_bench.diagnosis.search.backward import without
-from eha_bench.diagnosis.search.state import Search
+from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn
 from eha_bench.plants.effects.learned import KNOTS
@@ -31,9 +36,10 @@ def curve_instead(search: Search, left: Remainder, step: float) -> Refusal | Non
         step: integration step of the curve's fit, s.
     """
     limits, curve = search.thresholds, left.curve
-    if curve is None or not left.variable or left.explained < limits.nearly_all:
+    if curve is None or not left.variable or search.is_all_but_a_form:
         return None
-    if search.is_all_but_a_form:
+    asked = [item for item in search.effects if _is_asked(item, left, limits)]
+    if not asked:
         return None
     long = search.problem.at_step(step)
     long.soft = 1.0
@@ -43,9 +49,7 @@ def curve_instead(search: Search, left: Remainder, step: float) -> Refusal | Non
 
     missing = max(beyond_noise(cost_of(long, search.base.vector)), 1.0)
     effects_leave = beyond_noise(cost_of(long, search.fit.vector))
-    for item in sorted(search.effects, key=lambda item: item.comparison.gain):
-        if item.start.candidate in left.found_there:
-            continue
+    for item in sorted(asked, key=lambda item: item.comparison.gain):
         fit = search.base if len(search.accepted) == 1 else without(search, item)
         explains = beyond_noise(cost_of(long, fit.vector)) - effects_leave
         curve_leaves = beyond_noise(_with_curve(search, fit, curve, step).cost)
@@ -58,6 +62,14 @@ def curve_instead(search: Search, left: Remainder, step: float) -> Refusal | Non
                 imitates=True,
             )
     return None
+
+
+def _is_asked(item: Accepted, left: Remainder, limits: Thresholds) -> bool:
+    """Whether what remains beside an effect may be the law that the effect imitates."""
+    if item.start.candidate in left.found_there:
+        more_than_a_form = left.share > 1.0 - limits.nearly_all
+        return more_than_a_form and left.explained >= limits.explained
+    return left.explained >= limits.nearly_all
 
 
 def _with_curve(search: Search, fit: Fit, curve: LocatedCurve, step: float) -> Fit:

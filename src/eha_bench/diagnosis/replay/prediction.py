@@ -37,6 +37,7 @@ from eha_bench.diagnosis.fit.start_angles import (
     without_periodic,
 )
 from eha_bench.diagnosis.fit.start_state import start_of
+from eha_bench.diagnosis.replay.asked_before import asked_before_notes, with_asked_before
 from eha_bench.diagnosis.replay.first_sample import first_sample
 from eha_bench.plants.model import Model, model_from
 
@@ -142,8 +143,12 @@ def simulate_from(
     """
     at = model.plant.at(measured.run.vector(model.plant.layout, model.vector()))
     drive = measured.drive(0, measured.time.size)
-    drive = replace(drive, anchors=_anchors(measured, model, state, step))
-    return at.simulate(drive, start_of(at, drive, state), step)
+    anchors = {
+        name: np.concatenate([np.full(drive.first, np.nan), angle])
+        for name, angle in _anchors(measured, model, state, step).items()
+    }
+    drive = replace(drive, anchors=anchors)
+    return at.simulate(drive, start_of(at, drive, state), step)[drive.first :]
 
 
 def _anchors(
@@ -298,6 +303,7 @@ def _prediction_of(
     measured = admit(run, sampled, inputs, compared, strict=False, roles=plant.roles)
     measured = _at_its_angle(_with_its_own(measured, model), model)
     start = first_sample(measured, model)
+    measured = with_asked_before(measured, model, start.state)
     values = simulate_from(measured, model, start.state, STEP)
     determined = plant.determined(tuple(measured.inputs))
     columns = {
@@ -318,6 +324,7 @@ def _prediction_of(
         *measured.notes,
         *beyond_ends([measured], plant.position_range(model.vector()), plant.units),
         *start.notes,
+        *asked_before_notes(measured, model),
     )
     if _anchors(measured, model, start.state, STEP) and measured.turning:
         speed = measured.turning.channel

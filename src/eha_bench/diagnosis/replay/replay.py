@@ -29,6 +29,7 @@ from eha_bench.diagnosis.data.windows import is_bounded
 from eha_bench.diagnosis.fit.effort import note_simulated_time
 from eha_bench.diagnosis.fit.lost_inputs import at_their_best, with_held
 from eha_bench.diagnosis.fit.own_parameters import OwnValues
+from eha_bench.diagnosis.replay.asked_before import with_asked_before
 from eha_bench.diagnosis.replay.first_sample import first_sample, first_state
 from eha_bench.diagnosis.replay.prediction import STEP, simulate_from
 from eha_bench.plants.model import Model
@@ -158,14 +159,21 @@ def _one(
     ]
     own = _read_columns(measured)
     starts = [first_state(run, model) for run, model in zip(runs, models, strict=True)]
+    firsts = [first_sample(run, model).state for run, model in zip(runs, models, strict=True)]
+    logged = runs
+    runs = [
+        with_asked_before(run, model, start)
+        for run, model, start in zip(runs, models, starts, strict=True)
+    ]
     started = [
         _simulate(run, model, start, STEP)
         for run, model, start in zip(runs, models, starts, strict=True)
     ]
     predicted = [
-        values if (first := first_sample(run, model).state) == start
-        else _simulate(run, model, first, STEP)
-        for run, model, start, values in zip(runs, models, starts, started, strict=True)
+        values if first == start
+        else _simulate(with_asked_before(run, model, first), model, first, STEP)
+        for run, model, first, start, values
+        in zip(logged, models, firsts, starts, started, strict=True)
     ]  # fmt: skip
     if measured.unsure:
         runs = [
@@ -244,7 +252,7 @@ def _with_lost_inputs(
         left = residual(drive)
         return float(left @ left)
 
-    drive = measured.drive(0, measured.time.size)
+    drive = replace(measured, asked_before={}).drive(0, measured.time.size)
     held = with_held(drive, measured.unsure)
     if held is not None and cost(held) < cost(drive):
         drive = held

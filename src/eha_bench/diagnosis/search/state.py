@@ -216,14 +216,20 @@ def _is_of_unread_side(problem: Problem, start: Start) -> bool:
 
 
 def _is_of_unread_sensor(problem: Problem, start: Start) -> bool:
-    """Whether it is an effect of sensors of which no recording has a reading."""
+    """Whether it is an effect of sensors of which no recording has a reading, or of the only one.
+
+    The only one that is late cannot be told from a command that is.
+    """
     if start.is_parameter:
         return False
     layout = problem.plant.layout
     effect = layout.effect(start.candidate)
     places = effect.spots_at(start_values(layout, effect, start))
     sensors = [spot.sensors for spot in places]
-    return all(own and problem.noise.keys().isdisjoint(own) for own in sensors)
+    read = problem.noise.keys()
+    if effect.effect.relative and read <= {name for own in sensors for name in own}:
+        return True
+    return all(own and read.isdisjoint(own) for own in sensors)
 
 
 def begin(baseline: Baseline, thresholds: Thresholds = DEFAULT) -> Search:

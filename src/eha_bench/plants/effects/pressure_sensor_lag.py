@@ -3,7 +3,8 @@
     tau dp_read/dt = p - p_read
 
 A sensor at the end of a thin line, or the low-pass filter of its amplifier. At the first sample
-the reading is taken to have settled. All pressure sensors are alike.
+the reading is taken to have settled. Sensors of one kind are alike; one of them may be behind a
+line of its own (`at`).
 
 Source: Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003 (first-order instruments).
 """
@@ -41,7 +42,7 @@ EFFECT = Effect(
         )
     },
     states=("read",),
-    only_together=True,
+    together=True,
     source="Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003",
     separate=(
         "steps with the piston locked and motor speed logged: with a lag of the sensor the speed "

@@ -682,9 +682,19 @@ def _pressure_sensor(system: System) -> Iterator[Spot]:
 
 def _speed_sensor(system: System) -> Iterator[Spot]:
     """A sensor of a speed, of what has inertia or is geared to it."""
+    return _motion_sensor(system, "speed")
+
+
+def _position_sensor(system: System) -> Iterator[Spot]:
+    """A sensor of a position, of what has inertia or is geared to it."""
+    return _motion_sensor(system, "position")
+
+
+def _motion_sensor(system: System, quantity: str) -> Iterator[Spot]:
+    """A sensor of the speed or the position of what has inertia or is geared to it."""
     for output in system.outputs:
         node = system.network.nodes.get(output.of)
-        if node is None or node.kind not in UNITS or output.unit != UNITS[node.kind]["speed"]:
+        if node is None or node.kind not in UNITS or output.unit != UNITS[node.kind][quantity]:
             continue
         item = system.leader_of(output.of)
         if not system.inertias(item):
@@ -1149,6 +1159,7 @@ _ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
     "oil": _oil,
     "pressure_sensor": _pressure_sensor,
     "speed_sensor": _speed_sensor,
+    "position_sensor": _position_sensor,
     "sliding_joint": _sliding_joint,
     "loaded_shaft": _loaded_shaft,
     "turning_joint": _turning_joint,
