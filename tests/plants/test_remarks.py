@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.core.errors import InputError
+from eha_bench.core.file_kind import kinds
 from eha_bench.plants.model import load_model
 from eha_bench.plants.remarks import remarks
 
@@ -41,7 +42,14 @@ def test_what_a_list_of_the_models_own_leaves_out_is_named(tmp_path: Path) -> No
     above = "model: below.yaml\ncalibrate: [leakage]\nper_run: [rotor_inertia]\n"
     (tmp_path / "above.yaml").write_text(above)
     (remark,) = remarks(load_model(tmp_path / "above.yaml"))
-    assert remark.startswith("coulomb_torque stay as declared: the model's own list")
+    assert remark.startswith("coulomb_torque stays as declared: the model's own list")
+    (tmp_path / "above.yaml").write_text("model: below.yaml\ncalibrate: [leakage]\n")
+    (remark,) = remarks(load_model(tmp_path / "above.yaml"))
+    assert remark.startswith("rotor_inertia, coulomb_torque stay as declared")
+    (tmp_path / "below.yaml").write_text("model: eha_knee\nper_run: [leakage]\n")
+    (tmp_path / "above.yaml").write_text("model: below.yaml\nper_run: [rotor_inertia]\n")
+    (remark,) = remarks(load_model(tmp_path / "above.yaml"))
+    assert remark.startswith("leakage stays as declared")
     assert remarks(load_model(tmp_path / "below.yaml")) == []
 
 
@@ -54,3 +62,9 @@ def test_models_in_a_circle_are_refused(tmp_path: Path, names: list[str]) -> Non
     (tmp_path / "above.yaml").write_text("model: a.yaml\n")
     with pytest.raises(InputError, match="in a circle: a"):
         load_model(tmp_path / "above.yaml")
+
+
+@pytest.mark.parametrize("key", ["calibrate", "per_run"])
+def test_the_schema_says_that_a_list_stands_for_the_one_below(key: str) -> None:
+    (kind,) = (item for item in kinds() if item.name == "model")
+    assert "stands for the whole list" in kind.schema()["properties"][key]["description"]

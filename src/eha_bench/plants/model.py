@@ -56,7 +56,7 @@ class Model:
         within: of those under `calibrate`, what the true value may be off by at most, SI.
         per_run: names of unmeasured parameters that differ from run to run.
         network: what a plant.yaml says, where the plant is not a registered one.
-        held: what the model below has under `calibrate`, where this one has a list of its own
+        held: what the model below has under `calibrate` or `per_run`, where this one has a list of its own
             without it.
     """
 
@@ -313,7 +313,7 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
             )
     per_run = tuple(dict.fromkeys(layout.key(key) for key in file.per_run)) or base.per_run
     _refuse_weightless(model, file, place)
-    below = dict.fromkeys((*base.held, *base.calibrate))
+    below = dict.fromkeys((*base.held, *base.calibrate, *base.per_run))
     held = tuple(key for key in below if key not in (*calibrate, *per_run))
     return replace(model, calibrate=tuple(calibrate), within=within, per_run=per_run, held=held)
 

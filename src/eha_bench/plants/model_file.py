@@ -58,11 +58,13 @@ class ModelFile(StrictModel):
     calibrate: list[str | CalibrateEntry] = Field(
         default_factory=list,
         description="parameters that calibration may estimate, also effect.parameter of a "
-        "declared effect",
+        "declared effect; stands for the whole list of the model or plant below, where there is "
+        "one",
     )
     per_run: list[str] = Field(
         default_factory=list,
-        description="unmeasured parameters that differ from run to run",
+        description="unmeasured parameters that differ from run to run; stands for the whole list "
+        "of the model or plant below, where there is one",
     )
     effects: list[Annotated[dict[str, Real | str | list[Real]], BeforeValidator(_at_one_place)]] = (
         Field(default_factory=list, description="declared effects, in the order they were added")

@@ -28,9 +28,11 @@ def held_parameters(model: Model) -> list[str]:
     """Say which parameters a model's own list under `calibrate` leaves at their declared values."""
     if not model.held:
         return []
+    stay, them, they = ("stays", "it", "it") if len(model.held) == 1 else ("stay", "them", "they")
     return [
-        f"{', '.join(model.held)} stay as declared: the model's own list under `calibrate` stands "
-        "for that of the model below it, which has them; list them too where they may be off"
+        f"{', '.join(model.held)} {stay} as declared: the model's own list under `calibrate` (or "
+        f"`per_run`) stands for that of the model below it, which has {them}; list {them} too "
+        f"where {they} may be off"
     ]
 
 
