@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -113,6 +114,8 @@ def test_a_run_may_be_a_window_of_its_log(tmp_path):
         ("{log: train.csv, from: 2 s, to: 1 s}", r"dataset\.yaml:5.*runs\.0\.to.*not after"),
         ("{log: train.csv, from: -1 s}", r"runs\.0\.from.*greater than or equal to 0"),
         ("{log: train.csv, to: 3 m}", r"runs\.0\.to.*wrong dimension"),
+        ("{log: train.csv, piston: locked}", r"yaml:5.*runs\.0\.piston.*nothing to lock.*free"),
+        ("{log: train.csv, bypass: open}", r"yaml:5.*runs\.0\.bypass.*no bypass.*closed"),
         ("{log: 'x*.csv'}", r"runs\.0\.log.*no log matches 'x\*\.csv'"),
         ("{log: train.csv, parameters: {mas: 3}}", r"runs\.0\.parameters\.mas.*did you mean"),
         ("{log: train.csv, parameters: {mass: 3 m}}", r"runs\.0\.parameters\.mass.*dimension"),
@@ -127,6 +130,19 @@ def test_a_window_beyond_the_log_is_told(tmp_path):
     dataset = load_dataset(drive(tmp_path, "  - {log: train.csv, from: 7 s}\n"))
     with pytest.raises(RecordingError, match="only 0 samples from 7 s on"):
         dataset.runs[0].read()
+
+
+def test_a_window_that_ends_behind_the_log_is_noted(tmp_path):
+    """The last sample of 0.998 s is held until 1 s: that is all of it, and no more."""
+    runs = "".join(f"  - {{log: train.csv, to: {stop}}}\n" for stop in ("3 s", "1 s", "0.5 s"))
+    beyond, whole, part = (run.read() for run in load_dataset(drive(tmp_path, runs)).runs)
+    assert not [note for item in (whole, part) for note in item.notes if "the log ends" in note]
+    (note,) = [note for note in beyond.notes if "the log ends" in note]
+    assert "the log ends 0.998 s behind its first sample" in note
+    assert "(to: 3 s)" in note
+    np.testing.assert_array_equal(beyond.time, whole.time)
+    notes = gather(load_dataset(drive(tmp_path, runs)))[3]
+    assert len([note for note in notes if note.startswith("train: the log ends")]) == 1
 
 
 def test_parts_of_one_log_may_be_fitted_and_held_out(tmp_path):

@@ -56,8 +56,8 @@ class Model:
         within: of those under `calibrate`, what the true value may be off by at most, SI.
         per_run: names of unmeasured parameters that differ from run to run.
         network: what a plant.yaml says, where the plant is not a registered one.
-        held: what the model below has under `calibrate` or `per_run`, where this one has a list of its own
-            without it.
+        held: what the model below has under `calibrate` or `per_run`, where this one has a list of
+            its own without it.
     """
 
     plant_id: str

@@ -17,7 +17,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
-from eha_bench.core.errors import InputError
+from eha_bench.core.errors import InputError, Place
 from eha_bench.core.linkage import Linkage
 from eha_bench.plants.channel_roles import KNOWN, ChannelRoles
 from eha_bench.plants.layout import Layout
@@ -381,10 +381,25 @@ class Plant:
                 f"{self.id} has no input that a controller commands",
                 hint=f"only a suite can drive it, with {modes}" if modes else _FOR_DATASETS,
             )
+        self.check_setup(locked=locked, bypass_open=bypass_open)
+
+    def check_setup(
+        self, *, locked: bool = False, bypass_open: bool = False, where: Place | None = None
+    ) -> None:
+        """Refuse a setup that this machine cannot be in.
+
+        Args:
+            locked, bypass_open: setup. where: of the file that asks for it.
+
+        Raises:
+            InputError: it has no cylinder's piston to lock, or no bypass to open.
+        """
         if locked and not self.can_lock:
-            raise InputError(f"{self.id} has nothing to lock", hint="set `piston: free`")
+            raise InputError(
+                f"{self.id} has nothing to lock", where=where, hint="set `piston: free`"
+            )
         if bypass_open and not self.has_bypass:
-            raise InputError(f"{self.id} has no bypass", hint="set `bypass: closed`")
+            raise InputError(f"{self.id} has no bypass", where=where, hint="set `bypass: closed`")
 
     def start(
         self, vector: FloatArray, initial: Mapping[str, float]

@@ -11,12 +11,14 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from eha_bench.core import yaml_file
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.input_files import noting_inputs
+from eha_bench.core.note import Note
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import by_name
 from eha_bench.core.trial import Bypass, Piston
@@ -35,6 +37,12 @@ if TYPE_CHECKING:
     from eha_bench.recordings.channel_map import ChannelMap
 
 _FEWEST = 10
+_PERIODS_SHORT = 2.0
+"""A window that ends so many periods behind the last sample asks for all, and no more."""
+_ENDS_BEFORE = (
+    "the log ends {end:.6g} s behind its first sample, before the end of the window (to: "
+    "{stop:.6g} s); what there is was taken ('to' counts from the log's first sample)"
+)
 _LONGEST = 86_400.0
 """A day, s: what is longer was logged in another unit, and would be simulated for hours."""
 
@@ -312,6 +320,12 @@ def _loaded(path: Path) -> Dataset:
     for number, entry in enumerate(file.runs):
         own = entry.channels
         channels = existing(own, "runs", number, "channels") if own else shared
+        model.plant.check_setup(
+            locked=entry.piston is Piston.LOCKED, where=place("runs", number, "piston")
+        )
+        model.plant.check_setup(
+            bypass_open=entry.bypass is Bypass.OPEN, where=place("runs", number, "bypass")
+        )
         for log in _logs(folder, entry.log, place("runs", number, "log")):
             part = _LogPart(log, channels, entry.start, entry.stop, entry.use, model)
             if any(part.contradicts(other) for other in read):
@@ -475,7 +489,8 @@ def _topics_reader(part: _LogPart, fewest: int) -> Callable[[], tuple[Recording,
         if len(topics) == 1:
             return (_comparable(_window_of(topics[0], part), topics, part, fewest),)
         first = min(float(item.time[0]) for item in topics if len(item))
-        cut = tuple(_window_of(item, part, first) for item in topics)
+        last = max(float(item.time[-1]) for item in topics if len(item))
+        cut = tuple(_window_of(item, part, first, last) for item in topics)
         _comparable(max(cut, key=len), topics, part, fewest)
         return cut
 
@@ -528,13 +543,31 @@ def _instant(time: float) -> str:
     return f"{time:.6f}".rstrip("0").rstrip(".") + " s"
 
 
-def _window_of(recording: Recording, part: _LogPart, first: float | None = None) -> Recording:
-    """Return the window of a recording that a run asks for, counted from its log's first sample."""
+def _window_of(
+    recording: Recording, part: _LogPart, first: float | None = None, last: float | None = None
+) -> Recording:
+    """Return the window of a recording that a run asks for, counted from its log's first sample.
+
+    Args:
+        recording: of all that was logged, or of a topic. part: says the window.
+        first, last: of the log's samples, s; those of the recording by default.
+    """
     if not len(recording) or (part.start == 0.0 and part.stop is None):
         return recording
     first = float(recording.time[0]) if first is None else first
+    last = float(recording.time[-1]) if last is None else last
     stop = math.inf if part.stop is None else part.stop
-    return recording.between(first + part.start, first + stop)
+    cut = recording.between(first + part.start, first + stop)
+    missing = first + stop - last
+    if part.stop is None or missing <= _PERIODS_SHORT * _period(recording):
+        return cut
+    note = Note(_ENDS_BEFORE, end=last - first, stop=stop)
+    return replace(cut, notes=(*cut.notes, note))
+
+
+def _period(recording: Recording) -> float:
+    """Return the usual time between samples, s."""
+    return float(np.median(np.diff(recording.time))) if len(recording) > 1 else 0.0
 
 
 def _window(part: _LogPart) -> str:
