@@ -100,6 +100,24 @@ def test_a_target_that_runs_on_beyond_a_limit_is_stopped(
     assert result.trials[0].reason == f"safety stop: {again.trials[0].reason}"
 
 
+def test_a_run_is_held_against_its_limits_once(
+    suite: Path, echo: Echo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[str] = []
+
+    def counted(recording: Recording, of: Trial) -> str:
+        looked.append(of.id)
+        return breach(recording, of)
+
+    for room in ("run", "judging"):
+        monkeypatch.setattr(f"eha_bench.bench.{room}.breach", counted)
+    result = eha_bench.run(suite, echo(), tmp_path / "out")
+    assert looked == [item.id for item in result.trials]
+    made = tmp_path / "out" / result.trials[0].recording
+    eha_bench.score_files([made], out=tmp_path / "scored")
+    assert looked[len(result.trials) :] == [result.trials[0].id]
+
+
 def test_a_log_beyond_a_limit_is_scored_and_does_not_pass(
     suite: Path, echo: Echo, tmp_path: Path
 ) -> None:

@@ -83,3 +83,16 @@ def test_an_mcap_that_was_read_is_known_from_another_folder(
     eb.write("run.mcap", read)
     with pytest.raises(InputError, match="is read here"):
         eb.write("one/run.mcap", read)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.mcap"])
+def test_what_was_read_is_looked_for_once(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[object] = []
+    for room in ("saving", "exporting"):
+        monkeypatch.setattr(
+            f"eha_bench.recordings.{room}.spare_inputs", lambda *own: looked.append(own)
+        )
+    eb.write(tmp_path / name, RECORDING)
+    assert len(looked) == 1

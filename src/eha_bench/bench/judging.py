@@ -36,11 +36,22 @@ Scorer = Callable[[Recording, Trial], tuple[Score, ...]]
 """Gives a recording's scores: those that a trial's limits ask for come first."""
 
 
-def judge(recording: Recording, trial: Trial, repeat: int, scorer: Scorer = score) -> TrialResult:
+def judge(
+    recording: Recording,
+    trial: Trial,
+    repeat: int,
+    scorer: Scorer = score,
+    *,
+    kept_safe: bool = False,
+) -> TrialResult:
     """Return a trial's scores and status; the recording's place is filled in by the caller.
 
     A recording that was beyond a safety limit fails, and the reason says so; its scores stand, as
     the run came to its end.
+
+    Args:
+        recording: to score. trial, repeat: that it is of. scorer: gives the scores.
+        kept_safe: whether it was held against the safety limits already, and kept them.
     """
     scores = scorer(recording, trial)
     unhealthy = recording.metadata.get("loop_unhealthy", "")
@@ -49,7 +60,7 @@ def judge(recording: Recording, trial: Trial, repeat: int, scorer: Scorer = scor
     if unhealthy:
         scores = tuple(_withheld(item, reason) for item in scores)
     status = Status.INCOMPLETE if unhealthy else _status(scores)
-    unsafe = breach(recording, trial)
+    unsafe = "" if kept_safe else breach(recording, trial)
     if unsafe:
         status = Status.FAULT if unhealthy else Status.FAILED
     notes = (*recording.notes, *_ends_early(recording, trial), *unchecked(recording, trial))

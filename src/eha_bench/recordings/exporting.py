@@ -43,7 +43,7 @@ def export(path: str | Path, recording: Recording) -> Path:
             f"'{target.name}' does not say a format to export to",
             hint=f"end it in {', '.join(SUFFIXES)} ({suggest(suffix or 'csv', SUFFIXES)})",
         )
-    spare_inputs((target,), (recording.origin or recording.source or None,), "give another target")
+    spare_inputs((target,), (recording.origin or recording.source or None,), "name another file")
     with writing_to(target, RecordingError), replacing(target) as part:
         if suffix == ".csv":
             _csv(part, recording)

@@ -41,7 +41,7 @@ def write(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
             f"'{target.name}' names a format that is not written",
             hint=f"end it in {', '.join((MCAP, *SUFFIXES))}",
         )
-    spare_inputs((target,), (recording.origin or recording.source or None,), "name another file")
     if suffix in SUFFIXES:
         return export(target, recording)
+    spare_inputs((target,), (recording.origin or recording.source or None,), "name another file")
     return write_mcap(target, recording, level=level)
