@@ -370,3 +370,32 @@ def test_a_yaml_file_of_ours_is_no_table(tmp_path: Path) -> None:
     # names lie: a table is one by any name
     path.write_text("t,n\n0,1\n0.1,2\n0.2,3\n")
     assert info(path).format == "csv"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        (
+            "a.mcap",
+            b"not a recording",
+            "this is not an MCAP, as its name says .it does not begin",
+        ),
+        ("a.MCAP", b"time of day, what\nnoon, nothing\n", "not an MCAP, as its name says"),
+        ("a.mcap", b"\x89NCAP0\r\n" + bytes(200), "not an MCAP, as its name says"),
+        ("a.bag", b"#ROSBUG V2.0\n" + bytes(200), "not a ROS 1 bag, as its name says"),
+        ("a.mcap", b"version https://git-lfs.github.com/spec/v1\nsize 9,9\n", "git lfs pull"),
+        ("a.csv", b"version https://git-lfs.github.com/spec/v1\nsize 9,9\n", "git lfs pull"),
+    ],
+)
+def test_what_a_name_says_and_the_content_is_not(
+    tmp_path: Path, name: str, content: bytes, says: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordingError, match=rf"{name}: .*{says}"):
+        recordings.read(tmp_path / name)
+
+
+@pytest.mark.parametrize("content", ["t,n\n0,1\n0.1,2\n0.2,3\n", "t\tn\n0\t1e-3\n1\t-2.5\n"])
+def test_a_table_is_one_by_any_name(tmp_path: Path, content: str) -> None:
+    (tmp_path / "a.mcap").write_text(content)
+    assert info(tmp_path / "a.mcap").format == "csv"

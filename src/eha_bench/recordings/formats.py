@@ -18,6 +18,16 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\d\"tfn-])")
 """How JSON begins; a preamble of CSV such as `[Header]` does not."""
 
+_NAMED = {
+    ".mcap": "an MCAP", ".bag": "a ROS 1 bag", ".db3": "a rosbag2 database",
+    ".parquet": "a Parquet file", ".h5": "an HDF5 file", ".hdf5": "an HDF5 file",
+    ".mf4": "an MDF file", ".tdms": "a TDMS file", ".ulg": "a ULog",
+}  # fmt: skip
+"""Endings of formats that begin with bytes of their own: what does not is damaged, or a table."""
+_BETWEEN_CELLS = re.compile(rb"[,;\t]")
+_NUMBER = re.compile(rb"\s*\"?[-+]?\d[\d.]*(?:[eE][-+]?\d+)?\"?\s*")
+_POINTER = b"version https://git-lfs"
+
 
 def open_file(path: Path, head: bytes) -> Source:
     """Return one file as a source; `head` is its first 4096 bytes.
@@ -32,13 +42,30 @@ def open_file(path: Path, head: bytes) -> Source:
     _refuse_our_files(path)
     if _JSON.match(head):
         return _open_as("tables.json_source:JsonSource", path)
-    if b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff")):
+    is_text = b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff"))
+    named = _NAMED.get(path.suffix.lower(), "")
+    if named and not (is_text and _is_table(head)):
+        raise RecordingError(
+            f"this is not {named}, as its name says (it does not begin like one), and not a table",
+            where=Place(file=str(path)),
+            hint="give a whole copy of it, or end the name of a table in .csv",
+        )
+    if is_text:
         return _open_as("tables.csv_source:CsvSource", path)
     raise RecordingError(
         "this is not a recording that eha-bench knows",
         where=Place(file=str(path)),
         hint=f"it reads {_READ}",
     )
+
+
+def _is_table(head: bytes) -> bool:
+    """Whether text is one of several columns with numbers below its first line, by its head."""
+    for line in head.splitlines()[1:]:
+        cells = _BETWEEN_CELLS.split(line.replace(b"\0", b""))
+        if len(cells) > 1 and any(map(_NUMBER.fullmatch, cells)):
+            return True
+    return False
 
 
 def _refuse_our_files(path: Path) -> None:
@@ -103,7 +130,7 @@ def raise_for_relatives(path: Path, head: bytes) -> None:
     """Refuse formats that look close, with the way out.
 
     Raises:
-        RecordingError: MAT v4, a workbook, or an archive.
+        RecordingError: MAT v4, a workbook, an archive, or a pointer to a file elsewhere.
     """
     where = Place(file=str(path))
     if path.suffix.lower() == ".mat" and b"\0" in head:
@@ -114,5 +141,11 @@ def raise_for_relatives(path: Path, head: bytes) -> None:
         )
     if path.suffix.lower() in {".xls", ".xlsx", ".xlsm", ".ods"} and b"\0" in head:
         raise RecordingError("this is a workbook", where=where, hint="save its sheet as CSV")
+    if head.startswith(_POINTER):
+        raise RecordingError(
+            "this is a pointer to a file of Git LFS, not the file",
+            where=where,
+            hint="fetch it with 'git lfs pull'",
+        )
     if head.startswith((b"\x1f\x8b", b"PK\x03\x04")):
         raise RecordingError("this is an archive", where=where, hint="unpack it first")
