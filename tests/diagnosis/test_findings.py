@@ -21,12 +21,14 @@ from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.findings import (
+    _value_notes,
     assemble,
     lateness_estimates,
     lateness_notes,
     own_estimates,
 )
 from eha_bench.diagnosis.search.state import RankedCandidate, Refit, Search
+from eha_bench.plants.model import load_model
 
 MASS, FRICTION, LAG = "mass", "coulomb_friction", "current_lag"
 TRUTH = {MASS: 97.0, "coulomb_friction.friction_force": 7.0, "current_lag.time_constant": 0.004}
@@ -91,6 +93,26 @@ def test_notes_are_those_of_the_gate_then_of_the_decision() -> None:
     assert notes[0] == "of the gate"
     assert notes[1] == "voltage_limit is only assumed in the model; the data ask for 1000 V"
     assert notes[2] == "of the decision"
+
+
+def test_a_number_that_several_parts_were_declared_with_is_asked_for_once(repository: Path) -> None:
+    """Each of two areas had a sentence of its own, with the same number."""
+    closed = load_model({"model": str(repository / "suites/plants/single_rod_eha.yaml")})
+    layout, areas = closed.plant.layout, ("cylinder.area_a", "cylinder.area_b")
+    places = [layout.index[key] for key in areas]
+    declared = replace(closed, parameters=dict.fromkeys(areas, 8e-4))
+    fit: Any = SimpleNamespace(vector=declared.vector())
+    fit.vector[places] = 8.5e-4
+    (note,) = _value_notes(declared, fit, [areas])
+    said = "CAUTION: cylinder.area_a and cylinder.area_b are declared as 0.0008 m^2, and not calib"
+    assert note.startswith(said)
+    assert "the data ask for 0.00085 m^2 of both, which explains as much" in note
+    assert note.endswith("correct them, or list them under `calibrate`")
+    fit.vector[places[1]] = 8.6e-4
+    assert (
+        "the data ask for 0.00085 and 0.00086 m^2, which" in _value_notes(declared, fit, [areas])[0]
+    )
+    assert len(_value_notes(declared, fit, [areas[:1], areas[1:]])) == 2
 
 
 @pytest.mark.parametrize(("share", "is_said"), [(0.999, True), (0.9, False)])

@@ -34,6 +34,7 @@ from eha_bench.report.curve_figure import learned_curve
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.diagnosis_scene import diagnosis_scene
 from eha_bench.report.diagnosis_text import (
+    declared_wrongly,
     effect_rows,
     error_rows,
     headline,
@@ -90,6 +91,21 @@ def test_a_number_that_is_declared_wrongly_stands_in_the_headline() -> None:
     assert found.to_dict()["corrected"] == {
         "gear.ratio": {"declared": 5.75, "value": 5.001, "low": 4.99, "high": 5.01, "unit": ""}
     }
+
+
+def test_parts_that_are_declared_alike_are_one_clause_of_the_headline() -> None:
+    asked = Estimate(8.5e-4, 8.4e-4, 8.6e-4, "m^2")
+    names = ("cylinder.area_a", "cylinder.area_b")
+    found = replace(
+        nothing_found(),
+        corrected=dict.fromkeys(names, 8e-4),
+        calibrated=dict.fromkeys(names, asked),
+    )
+    (clause,) = declared_wrongly(found)
+    assert clause.startswith(
+        "cylinder.area_a and cylinder.area_b are declared as 0.0008000\u00a0m²"
+    )
+    assert clause.count("data ask for") == 1
 
 
 def test_the_sentence_gives_the_error_on_held_out_runs_beside_the_noise() -> None:

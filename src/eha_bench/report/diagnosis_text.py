@@ -87,10 +87,18 @@ def declared_wrongly(found: Diagnosis) -> list[str]:
     clauses = [f"its channel map is wrong: {words} is right" for words in found.misread]
     if found.doubtful:
         clauses.append(f"all would be as believed with {' or '.join(found.doubtful)}")
+    alike: dict[str, list[str]] = {}
     for name, declared in found.corrected.items():
-        now = found.calibrated[name]
-        values = (amount(value, now.unit) for value in (declared, now.value))
-        clauses.append("{} is declared as {}, and the data ask for {}".format(name, *values))
+        alike.setdefault(amount(declared, found.calibrated[name].unit), []).append(name)
+    for was, names in alike.items():
+        asked = dict.fromkeys(
+            amount(now.value, now.unit) for now in map(found.calibrated.__getitem__, names)
+        )
+        are = "is" if len(names) == 1 else "are"
+        clauses.append(
+            f"{' and '.join(names)} {are} declared as {was}, and the data ask for "
+            f"{' and '.join(asked)}"
+        )
     return clauses
 
 

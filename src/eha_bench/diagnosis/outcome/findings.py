@@ -66,9 +66,8 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
         added.append(LEARNED)
-    assumed = [
-        key for item in search.accepted if item.start.is_parameter for key in item.start.keys
-    ]
+    together = [item.start.keys for item in search.accepted if item.start.is_parameter]
+    assumed = [key for keys in together for key in keys]
     keys = [*base.keys, *assumed]
     ended = convergence(fit, base.starts, base.agreed)
     profiles = _profiles(search, decision, fit) if ended.has_intervals else {}
@@ -111,7 +110,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
             continue
         text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
         notes.append(f"{text} {layout.by_key[key].unit}")
-    notes += _value_notes(model, fit, assumed)
+    notes += _value_notes(model, fit, together)
     notes += _notes_of_other_numbers(search)
     if decision.verdict is not Verdict.UNKNOWN:
         notes += _notes_of_equal_effects(search)
@@ -166,27 +165,37 @@ def _may_differ(parameter: Parameter) -> bool:
     return parameter.assumed or parameter.tolerance > 0.0
 
 
-def _value_notes(model: Model, fit: Fit, keys: Sequence[str]) -> list[str]:
-    """Say which values the data ask for instead of those that are assumed or declared."""
+def _value_notes(model: Model, fit: Fit, numbers: Sequence[Sequence[str]]) -> list[str]:
+    """Say which values the data ask for instead of those that are assumed or declared.
+
+    Args:
+        model: as declared. fit: with the values. numbers: keys of each, those of several parts
+            together where they were declared as one.
+    """
     notes, declared, layout = [], model.vector(), model.plant.layout
-    for key in keys:
-        parameter, at = layout.by_key[key], layout.index[key]
-        asked = f"the data ask for {fit.vector[at]:.4g} {parameter.unit}".rstrip()
-        if abs(fit.vector[at] + declared[at]) < _OPPOSITE * abs(declared[at]):
+    for keys in numbers:
+        parameter, places = layout.by_key[keys[0]], [layout.index[key] for key in keys]
+        was = float(declared[places[0]])
+        now = list(dict.fromkeys(f"{fit.vector[at]:.4g}" for at in places))
+        asked = f"the data ask for {' and '.join(now)} {parameter.unit}".rstrip()
+        if len(keys) > len(now):
+            asked += " of both" if len(keys) == 2 else " of each"
+        if all(abs(fit.vector[at] + was) < _OPPOSITE * abs(was) for at in places):
             asked += " (a channel on one side of it has the opposite sign, or it turns backward)"
-        said = f"{key} is declared as {declared[at]:.4g} {parameter.unit}".rstrip()
+        names, is_, it = " and ".join(keys), *(("is", "it") if len(keys) == 1 else ("are", "them"))
+        said = f"{names} {is_} declared as {was:.4g} {parameter.unit}".rstrip()
         if parameter.assumed:
-            note = f"{key} is only assumed in the model; {asked}"
+            note = f"{names} {is_} only assumed in the model; {asked}"
         elif parameter.tolerance:
             note = (
                 f"{said}, and not calibrated; {asked}, and parts differ from their sheet by as "
-                "much: list it under `calibrate`"
+                f"much: list {it} under `calibrate`"
             )
         else:
             note = (
                 f"CAUTION: {said}, and not calibrated; {asked}, which explains as much as any "
-                "effect: check it, and the scales of the channels on either side of it; correct "
-                "it, or list it under `calibrate`"
+                f"effect: check {it}, and the scales of the channels on either side of {it}; "
+                f"correct {it}, or list {it} under `calibrate`"
             )
         notes.append(note)
     return notes
