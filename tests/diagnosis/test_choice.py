@@ -89,6 +89,29 @@ def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Se
 
 
 @pytest.mark.parametrize(
+    ("tick", "behind", "chosen", "is_said"),
+    [(1.0, 40.0, RIGHT, True), (1e-9, 40.0, THIRD, False), (1.0, -40.0, RIGHT, False)],
+)
+def test_what_is_smaller_than_its_log_tells_is_said_where_it_would_have_been_chosen(
+    search: Search, tick: float, behind: float, chosen: str, is_said: bool
+) -> None:
+    """A delay of milliseconds, of a log with a sample a second, or of one whose stamps tell it."""
+    for window in search.problem.windows:
+        window.measured.__dict__["tick"] = tick
+    best = search.fit.cost - 1000.0
+    late = trial(search, THIRD, best)
+    late = replace(late, fit=replace(late.fit, vector=late.start.apply(late.fit.vector)))
+    trials = sorted([late, trial(search, RIGHT, best + behind)], key=lambda item: item.fit.cost)
+    found = choice.choose(search, trials)
+    assert found is not None
+    assert found.candidate == chosen
+    assert list(search.too_small) == [THIRD] * is_said
+    if is_said:
+        assert "too short to be told from time stamps" in search.too_small[THIRD]
+        assert choice.choose(search, [late]) is None
+
+
+@pytest.mark.parametrize(
     ("gain", "off_by", "chosen"),
     [(600.0, 1.2, "number"), (400.0, 1.2, "effect"), (600.0, 1.6, "effect")],
 )

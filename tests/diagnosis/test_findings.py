@@ -115,6 +115,15 @@ def test_a_number_that_several_parts_were_declared_with_is_asked_for_once(reposi
     assert len(_value_notes(declared, fit, [areas[:1], areas[1:]])) == 2
 
 
+def test_what_is_smaller_than_its_log_tells_is_noted_unless_it_was_added_after_all() -> None:
+    search = finished_search(FRICTION, LAG)
+    search.too_small |= {LAG: "it was too short", "backlash": "its gap is within the noise"}
+    said = [note for note in found(search).notes if "not taken for an effect" in note]
+    (note,) = said
+    assert note.startswith("backlash was not taken for an effect")
+    assert note.endswith("is left: its gap is within the noise")
+
+
 @pytest.mark.parametrize(("share", "is_said"), [(0.999, True), (0.9, False)])
 def test_another_number_that_explains_as_much_is_said(share: float, is_said: bool) -> None:
     """A ratio of two areas is told, and not which of them is wrong."""

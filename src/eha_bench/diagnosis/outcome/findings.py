@@ -114,6 +114,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     notes += _notes_of_other_numbers(search)
     if decision.verdict is not Verdict.UNKNOWN:
         notes += _notes_of_equal_effects(search)
+    notes += _notes_of_what_is_small(search)
     notes += lateness_notes(search.problem.places, late)
     notes += decision.notes
     notes += ended.notes(["the learned curve" if name == LEARNED else name for name in added])
@@ -249,6 +250,16 @@ def _notes_of_equal_effects(search: Search) -> list[str]:
         "check the number first; `eha-bench next` looks for an experiment that separates them"
         for item, names in zip(numbers, equal, strict=True)
         if names
+    ]
+
+
+def _notes_of_what_is_small(search: Search) -> list[str]:
+    """Say which effects would have been added, were they not smaller than their logs can tell."""
+    added = {item.start.candidate for item in search.accepted}
+    return [
+        f"{name} was not taken for an effect, though it explains some of what is left: {why}"
+        for name, why in search.too_small.items()
+        if name not in added
     ]
 
 

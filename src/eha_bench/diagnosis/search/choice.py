@@ -16,8 +16,22 @@ from eha_bench.diagnosis.search.yielding import yields_to
 
 
 def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
-    """Return what is added next of a look's candidates, the best first; None where none will do."""
+    """Return what is added next of a look's candidates, the best first; None where none will do.
+
+    What would have been, were it not smaller than its log can tell, is kept in the search, for a
+    note.
+    """
     good = [item for item in trials if _is_acceptable(search, item)]
+    told = [item for item in good if not below_reading(search, item.start, item.fit.vector)]
+    otherwise = _best_of(search, good, trials) if len(told) < len(good) else None
+    if otherwise is not None and all(otherwise is not item for item in told):
+        why = below_reading(search, otherwise.start, otherwise.fit.vector)
+        search.too_small[otherwise.candidate] = why
+    return _best_of(search, told, trials)
+
+
+def _best_of(search: Search, good: list[Refit], trials: Sequence[Refit]) -> Refit | None:
+    """Return the one of a look's acceptable candidates that is added, None where there is none."""
     if not good:
         return None
     good = _inside_bounds(search, good)
@@ -95,8 +109,6 @@ def _is_acceptable(search: Search, item: Refit) -> bool:
         if not item.start.is_within(item.fit.vector):
             return False
     elif isinstance(item.start, SameNumber) and not _is_one_number(search, item.start, item.fit):
-        return False
-    if below_reading(search, item.start, item.fit.vector):
         return False
     if is_drawn(search.problem.plant.layout, item.start):
         # one that is only bent by what is missing explains a part of it, and carries over badly

@@ -87,6 +87,8 @@ class Search:
         looks: all that were taken, each the best first. looked_from: where the last one was.
         exchanged_from: where an exchange would change nothing. pairs_tried: whether two at once
             were looked for, which begins from nothing: what was found since changes nothing of it.
+        too_small: candidates that would have been added, were they not smaller than their logs
+            can tell, with a clause that says so.
         near: the last search over short windows (`refit.Near`), where it began.
         excess_base, excess_left: beyond noise before and after.
         thresholds: when something is missing, believed, and kept.
@@ -107,6 +109,7 @@ class Search:
     looked_from: Fit | None = None
     exchanged_from: Fit | None = None
     pairs_tried: bool = False
+    too_small: dict[str, str] = field(default_factory=dict)
     near: object | None = None
     thresholds: Thresholds = DEFAULT
 
