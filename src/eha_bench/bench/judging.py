@@ -20,6 +20,7 @@ from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.metrics import accepted, judge_repeats, score
+from eha_bench.metrics.other_reference import is_of_trial, other_reference
 from eha_bench.metrics.repeats_summary import summaries
 from eha_bench.metrics.scoring import check_reference, load_metrics
 from eha_bench.recordings import read
@@ -187,7 +188,11 @@ def score_recordings(
                 sha256=file_sha256(path) if path.is_file() else "",
                 scores=judged.scores,
                 reason=reason,
-                notes=(*judged.notes, *_of_another(recording, chosen)),
+                notes=(
+                    *judged.notes,
+                    *_of_another(recording, chosen),
+                    *_of_another_size(recording, chosen, suite),
+                ),
                 definition=judged.definition,
             )
         )
@@ -250,6 +255,23 @@ def _of_another(recording: Recording, trial: Trial) -> tuple[str, ...]:
     taken = bool(recorded_trial) and recorded_trial != trial.id
     return (
         (f"its metadata names trial '{recorded_trial}'; scored as '{trial.id}'",) if taken else ()
+    )
+
+
+def _of_another_size(recording: Recording, trial: Trial, suite: Suite | None) -> tuple[str, ...]:
+    """Return a note where a recording's reference is plainly another one than its trial's."""
+    other = other_reference(recording, trial)
+    if other is None:
+        return ()
+    fits = [
+        one.id
+        for one in (suite.trials if suite else ())
+        if one is not trial and is_of_trial(recording, one)
+    ]
+    way = f"score it as {' or '.join(fits)} (--trial), or " if fits else ""
+    return (
+        f"CAUTION: {other}: it was scored by what it was asked for, and limits are those of the "
+        f"trial; {way}check which trial it is of, and the unit of its reference",
     )
 
 
