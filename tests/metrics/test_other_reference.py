@@ -96,3 +96,20 @@ def test_scores_name_the_trial_that_a_log_is_of(tmp_path: Path) -> None:
     assert "goes 0 to 10 MPa, and the trial asks for 0 to 20 MPa" in said
     assert "score it as small (--trial)" in said
     assert not [note for note in second.notes if "CAUTION" in note]
+
+
+def test_logs_of_several_commands_are_no_repeats_of_one_that_takes_any(tmp_path: Path) -> None:
+    whole = log(trial(STEP))
+    sizes = {"a": 1.0, "b": 1.01, "c": 0.5, "d": 2.0}
+    for name, size in sizes.items():
+        values = {key: size * whole[key] for key in whole}
+        eb.write(tmp_path / f"{name}.mcap", Recording(whole.time, values, {"reference": "Pa"}))
+    any_step = {"id": "any", "mode": "pressure", "duration": "900 ms"}
+    suite = {"name": "s", "trials": [{**any_step, "signal": {"kind": "recorded"}}]}
+    made = [tmp_path / f"{name}.mcap" for name in sizes]
+    done = eb.score_files(made, suite, out=tmp_path / "scored").trials
+    assert [any("no repeats" in note for note in item.notes) for item in done] == [
+        False, False, True, False,
+    ]  # fmt: skip
+    (said,) = [note for note in done[2].notes if "no repeats" in note]
+    assert "the reference of c.mcap goes 0 to 5 MPa, and that of a.mcap 0 to 10 MPa" in said

@@ -20,7 +20,7 @@ from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.metrics import accepted, judge_repeats, score
-from eha_bench.metrics.other_reference import is_of_trial, other_reference
+from eha_bench.metrics.other_reference import Levels, is_of_trial, other_reference
 from eha_bench.metrics.repeats_summary import summaries
 from eha_bench.metrics.scoring import check_reference, load_metrics
 from eha_bench.recordings import read
@@ -166,6 +166,7 @@ def score_recordings(
     used: dict[tuple[str, int], Trial] = {}
     digests: dict[str, set[str]] = {key: set() for key in NO_DIGESTS}
     circumstances = Circumstances()
+    references = _References()
     for number, path in enumerate(paths):
         progress(number, len(paths), path.name)
         recording = read(path, channels=channels)
@@ -192,6 +193,7 @@ def score_recordings(
                     *judged.notes,
                     *_of_another(recording, chosen),
                     *_of_another_size(recording, chosen, suite),
+                    *references.unlike_the_first(recording, chosen, path.name),
                 ),
                 definition=judged.definition,
             )
@@ -256,6 +258,29 @@ def _of_another(recording: Recording, trial: Trial) -> tuple[str, ...]:
     return (
         (f"its metadata names trial '{recorded_trial}'; scored as '{trial.id}'",) if taken else ()
     )
+
+
+class _References:
+    """What was commanded in the recordings of each trial that takes whatever was."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, tuple[str, Levels]] = {}
+        self._said: set[str] = set()
+
+    def unlike_the_first(self, recording: Recording, trial: Trial, name: str) -> tuple[str, ...]:
+        """Return a note, once a trial, where a recording cannot be a repeat of the first one."""
+        own = Levels.of(recording)
+        if own is None or not isinstance(trial.signal, FromRecording) or trial.id in self._said:
+            return ()
+        first_name, first = self._first.setdefault(trial.id, (name, own))
+        if not own.differ_from(first):
+            return ()
+        self._said.add(trial.id)
+        return (
+            f"CAUTION: the reference of {name} goes {own}, and that of {first_name} {first}: these "
+            f"are no repeats of one trial, as which '{trial.id}' takes them; give each a trial of "
+            "its own, or score them one by one",
+        )
 
 
 def _of_another_size(recording: Recording, trial: Trial, suite: Suite | None) -> tuple[str, ...]:

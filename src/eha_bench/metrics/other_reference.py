@@ -32,6 +32,36 @@ _SHOWN = {"Pa": "MPa", "rad": "deg", "m": "mm"}
 
 
 @dataclass(frozen=True)
+class Levels:
+    """Levels between which a reference lies: nearly all of it, and all, each low and high, SI."""
+
+    usual: tuple[float, float]
+    ends: tuple[float, float]
+    unit: str
+
+    @staticmethod
+    def of(recording: Recording) -> Levels | None:
+        """Return the levels of a recording's reference, None where it has none."""
+        values = recording.values.get("reference")
+        if values is None or np.count_nonzero(good := np.isfinite(values)) < _FEWEST:
+            return None
+        low, high = np.quantile(values[good], _ENDS)
+        return Levels((float(low), float(high)), _ends(values[good]), recording.unit("reference"))
+
+    def differ_from(self, other: Levels) -> bool:
+        """Whether they are plainly others: two such recordings are no repeats of one trial."""
+        span = max(high - low for low, high in (self.usual, other.usual))
+        if span == 0.0:
+            span = max(abs(self.usual[0]), abs(other.usual[0]))
+        pairs = zip(self.usual, other.usual, strict=True)
+        return any(abs(own - others) > _SAME * span for own, others in pairs)
+
+    def __str__(self) -> str:
+        """Say all of it in a unit of people."""
+        return _between(self.ends, self.unit)
+
+
+@dataclass(frozen=True)
 class OtherReference:
     """Levels of a recorded reference, and those that its trial asks for, each low and high, SI."""
 
