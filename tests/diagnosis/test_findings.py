@@ -121,7 +121,13 @@ def test_what_is_smaller_than_its_log_tells_is_noted_unless_it_was_added_after_a
     said = [note for note in found(search).notes if "not taken for an effect" in note]
     (note,) = said
     assert note.startswith("backlash was not taken for an effect")
-    assert note.endswith("is left: its gap is within the noise")
+    assert note.endswith("it fits best: its gap is within the noise")
+    alone = finished_search(FRICTION)
+    alone.ranking = [RankedCandidate(name, 0.5, 1e-6, 1.0, 1.0, True) for name in (FRICTION, LAG)]
+    alone.too_small[LAG] = "it was too short"
+    added, small = found(alone).ranking
+    assert added.reason == "added"
+    assert small.reason.endswith("; it was too short")
 
 
 @pytest.mark.parametrize(("share", "is_said"), [(0.999, True), (0.9, False)])

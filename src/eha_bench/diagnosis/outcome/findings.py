@@ -257,7 +257,7 @@ def _notes_of_what_is_small(search: Search) -> list[str]:
     """Say which effects would have been added, were they not smaller than their logs can tell."""
     added = {item.start.candidate for item in search.accepted}
     return [
-        f"{name} was not taken for an effect, though it explains some of what is left: {why}"
+        f"{name} was not taken for an effect, though it fits best: {why}"
         for name, why in search.too_small.items()
         if name not in added
     ]
@@ -416,6 +416,8 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
         reason = ADDED if item.candidate in order else _why(item, best, most, others=others)
         if item.candidate in same:
             reason = "fits as well as the effect that was added"
+        elif item.candidate in search.too_small and item.candidate not in order:
+            reason = f"{reason}; {search.too_small[item.candidate]}"
         line = RankLine(item.candidate, item.score, item.p_value, error, reason)
         lines.append((place, -item.score, line))
     return tuple(line for _, _, line in sorted(lines, key=lambda entry: entry[:2]))
