@@ -20,7 +20,7 @@ from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.metrics import accepted, judge_repeats, score
-from eha_bench.metrics.other_reference import Levels, is_of_trial, other_reference
+from eha_bench.metrics.other_reference import ReferenceLevels, is_of_trial, other_reference
 from eha_bench.metrics.repeats_summary import summaries
 from eha_bench.metrics.scoring import check_reference, load_metrics
 from eha_bench.recordings import read
@@ -264,12 +264,12 @@ class _References:
     """What was commanded in the recordings of each trial that takes whatever was."""
 
     def __init__(self) -> None:
-        self._first: dict[str, tuple[str, Levels]] = {}
+        self._first: dict[str, tuple[str, ReferenceLevels]] = {}
         self._said: set[str] = set()
 
     def unlike_the_first(self, recording: Recording, trial: Trial, name: str) -> tuple[str, ...]:
         """Return a note, once a trial, where a recording cannot be a repeat of the first one."""
-        own = Levels.of(recording)
+        own = ReferenceLevels.of(recording)
         if own is None or not isinstance(trial.signal, FromRecording) or trial.id in self._said:
             return ()
         first_name, first = self._first.setdefault(trial.id, (name, own))

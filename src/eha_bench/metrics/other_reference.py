@@ -32,7 +32,7 @@ _SHOWN = {"Pa": "MPa", "rad": "deg", "m": "mm"}
 
 
 @dataclass(frozen=True)
-class Levels:
+class ReferenceLevels:
     """Levels between which a reference lies: nearly all of it, and all, each low and high, SI."""
 
     usual: tuple[float, float]
@@ -40,15 +40,17 @@ class Levels:
     unit: str
 
     @staticmethod
-    def of(recording: Recording) -> Levels | None:
+    def of(recording: Recording) -> ReferenceLevels | None:
         """Return the levels of a recording's reference, None where it has none."""
         values = recording.values.get("reference")
         if values is None or np.count_nonzero(good := np.isfinite(values)) < _FEWEST:
             return None
         low, high = np.quantile(values[good], _ENDS)
-        return Levels((float(low), float(high)), _ends(values[good]), recording.unit("reference"))
+        return ReferenceLevels(
+            (float(low), float(high)), _ends(values[good]), recording.unit("reference")
+        )
 
-    def differ_from(self, other: Levels) -> bool:
+    def differ_from(self, other: ReferenceLevels) -> bool:
         """Whether they are plainly others: two such recordings are no repeats of one trial."""
         span = max(high - low for low, high in (self.usual, other.usual))
         if span == 0.0:
