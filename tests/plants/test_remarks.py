@@ -8,7 +8,7 @@ import pytest
 
 from eha_bench.core.errors import InputError
 from eha_bench.core.file_kind import kinds
-from eha_bench.plants.model import load_model
+from eha_bench.plants.model import Model, load_model
 from eha_bench.plants.remarks import remarks
 
 
@@ -62,6 +62,26 @@ def test_models_in_a_circle_are_refused(tmp_path: Path, names: list[str]) -> Non
     (tmp_path / "above.yaml").write_text("model: a.yaml\n")
     with pytest.raises(InputError, match="in a circle: a"):
         load_model(tmp_path / "above.yaml")
+
+
+def test_an_empty_list_of_the_models_own_leaves_all_of_them_out(tmp_path: Path) -> None:
+    (tmp_path / "below.yaml").write_text(
+        "model: eha_knee\ncalibrate: [leakage]\nper_run: [external_force]\n"
+    )
+
+    def above(text: str) -> Model:
+        (tmp_path / "above.yaml").write_text(f"model: below.yaml\n{text}")
+        return load_model(tmp_path / "above.yaml")
+
+    same, none, one = above(""), above("calibrate: []\nper_run: []\n"), above("per_run: []\n")
+    assert (same.calibrate, same.per_run, same.held) == (("leakage",), ("external_force",), ())
+    assert (none.calibrate, none.per_run) == ((), ())
+    assert none.held == ("leakage", "external_force")
+    assert (one.calibrate, one.per_run, one.held) == (("leakage",), (), ("external_force",))
+    # one value for all runs in place of one for each
+    moved = above("calibrate: [external_force]\n")
+    assert (moved.calibrate, moved.per_run) == (("external_force",), ())
+    assert moved.held == ("leakage",)
 
 
 @pytest.mark.parametrize("key", ["calibrate", "per_run"])

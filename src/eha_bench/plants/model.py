@@ -285,7 +285,7 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
         for parameter in layout.effect(item.id).parameters
     }
     calibrate, within = [*base.calibrate], {**base.within}
-    if file.calibrate:
+    if "calibrate" in file.model_fields_set:
         calibrate, within = [], {}
     for number, entry in enumerate(file.calibrate):
         where = place("calibrate", number)
@@ -311,7 +311,9 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
                 where=where,
                 hint="one value for all runs (calibrate), or one for each (per_run)",
             )
-    per_run = tuple(dict.fromkeys(layout.key(key) for key in file.per_run)) or base.per_run
+    per_run = tuple(dict.fromkeys(layout.key(key) for key in file.per_run))
+    if "per_run" not in file.model_fields_set:
+        per_run = tuple(key for key in base.per_run if key not in calibrate)
     _refuse_weightless(model, file, place)
     below = dict.fromkeys((*base.held, *base.calibrate, *base.per_run))
     held = tuple(key for key in below if key not in (*calibrate, *per_run))
