@@ -320,12 +320,8 @@ def _loaded(path: Path) -> Dataset:
     for number, entry in enumerate(file.runs):
         own = entry.channels
         channels = existing(own, "runs", number, "channels") if own else shared
-        model.plant.check_setup(
-            locked=entry.piston is Piston.LOCKED, where=place("runs", number, "piston")
-        )
-        model.plant.check_setup(
-            bypass_open=entry.bypass is Bypass.OPEN, where=place("runs", number, "bypass")
-        )
+        if not isinstance(model.plant, StaticPlant):  # of points it says how they were measured
+            _check_setup(model.plant, entry, number, place)
         for log in _logs(folder, entry.log, place("runs", number, "log")):
             part = _LogPart(log, channels, entry.start, entry.stop, entry.use, model)
             if any(part.contradicts(other) for other in read):
@@ -418,6 +414,14 @@ def _logs(folder: Path, name: str, where: Place) -> Iterator[Path]:
         raise InputError(f"no log matches '{name}'", where=where)
     for log in found:
         yield folder / log
+
+
+def _check_setup(plant: Plant, entry: RunEntry, number: int, place: Callable[..., Place]) -> None:
+    """Refuse a run in a setup that its machine cannot be in: it would be simulated free."""
+    plant.check_setup(locked=entry.piston is Piston.LOCKED, where=place("runs", number, "piston"))
+    plant.check_setup(
+        bypass_open=entry.bypass is Bypass.OPEN, where=place("runs", number, "bypass")
+    )
 
 
 def _refuse_own(model: Model, file: DatasetFile, place: Callable[..., Place]) -> None:
