@@ -35,3 +35,17 @@ def test_what_is_noted(factor, at_bounds, within, template):
 
 def test_a_parameter_that_was_not_fitted_is_not_noted():
     assert moved_notes(MODEL, {}, {}) == []
+
+
+@pytest.mark.parametrize(
+    ("interval", "said"),
+    [
+        ((1.05 * DECLARED, 1.35 * DECLARED), False),
+        ((1.15 * DECLARED, 1.25 * DECLARED), True),
+        ((-float("inf"), float("inf")), True),  # of a fit that has no interval nothing is known
+    ],
+)
+def test_what_its_interval_does_not_tell_from_what_is_given_is_not_noted(interval, said):
+    model = replace(MODEL, within={LEAK: 0.1 * DECLARED})
+    notes = moved_notes(model, {LEAK: 1.2 * DECLARED}, {}, {LEAK: interval})
+    assert bool(notes) is said

@@ -224,6 +224,9 @@ def _estimates(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
     """Return what a fit has estimated, without errors: no run is replayed here."""
     model, end, places = base.dataset.model, ended.end, base.problem.places
     vector = end.fit.vector
+    values = estimates(end.fit, groups, places.layout.units_at(vector), shift=end.shifts)
+    open_ = open_parameters(end.fit) if ended.convergence.has_intervals else values.keys()
+    values = {key: item.without_interval if key in open_ else item for key, item in values.items()}
     notes = [
         *base.notes,
         *ended.notes,
@@ -232,13 +235,11 @@ def _estimates(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
             model,
             {key: float(vector[places.index[key]]) for key in ended.keys},
             ended.convergence.at_bounds,
+            {key: (item.low, item.high) for key, item in values.items()},
         ),
     ]
     if starts := starts_of(base.problem):
         notes.append(angles_note(starts))
-    values = estimates(end.fit, groups, places.layout.units_at(vector), shift=end.shifts)
-    open_ = open_parameters(end.fit) if ended.convergence.has_intervals else values.keys()
-    values = {key: item.without_interval if key in open_ else item for key, item in values.items()}
     late = lateness_estimates(places, values)
     notes += lateness_notes(places, late)
     parameters = {key: item for key, item in values.items() if key in places.layout.index}

@@ -220,6 +220,11 @@ class Conclusion:
         differing = differing_parameters(self.base, self.search.excess_base)
         if differing is None:
             return found
+        if self.decision.learned and found.unknown is not None:
+            # what one curve explains in all runs does not differ between them
+            explained = found.unknown.share
+            if explained > max(differing.share, self.search.thresholds.nearly_all):
+                return found
         if found.unknown is not None and differing.is_all_of_it:
             # a curve would only imitate it
             if self.decision.learned:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -196,12 +197,17 @@ def has_gone_far(before: float, now: float) -> bool:
 
 
 def moved_notes(
-    model: Model, values: Mapping[str, float], at_bounds: Mapping[str, float]
+    model: Model,
+    values: Mapping[str, float],
+    at_bounds: Mapping[str, float],
+    intervals: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> list[Note]:
     """Return a note of each parameter that went far from what was declared.
 
     Args:
         model: declared. values: parameter -> estimate, SI. at_bounds: as `Convergence` has them.
+        intervals: parameter -> its interval, SI: one that reaches what is given under `within` has
+            not been told from it.
     """
     notes = []
     layout = model.plant.layout
@@ -218,6 +224,16 @@ def moved_notes(
             notes.append(Note(AT_BOUND, bound=at_bounds[key], **known))
         elif has_gone_far(before, values[key]):
             notes.append(Note(MOVED_FAR, factor=values[key] / before, **known))
-        elif key in model.within and abs(values[key] - before) > model.within[key]:
+        elif key in model.within and _is_beyond(
+            values[key], intervals.get(key), before, model.within[key]
+        ):
             notes.append(Note(MOVED_OUT, within=model.within[key], **known))
     return notes
+
+
+def _is_beyond(
+    value: float, interval: tuple[float, float] | None, before: float, within: float
+) -> bool:
+    """Whether a value, and its interval where it has one, is further off than it may be."""
+    low, high = interval if interval and np.isfinite(interval).all() else (value, value)
+    return low > before + within or high < before - within

@@ -21,6 +21,7 @@ from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
 from eha_bench.diagnosis.unknown.places import places_of
+from eha_bench.diagnosis.unknown.straight import straight_line_note
 
 _LOUD, _QUIET = 2.0, 1.1
 """Mean square of a channel, in the noise's, from which it errs, and up to which it does not."""
@@ -60,10 +61,8 @@ def decide(
     rest, limits = search.excess_left, search.thresholds
     unexplained = search.is_unexplained
     share = 1.0 - search.share_left
-    notes = [
-        *(item.note for item in refused),
-        _remaining(rest.relative, search.excess_base.relative),
-    ]
+    remains = _remaining(rest.relative, search.excess_base.relative)
+    notes = [*(item.note for item in refused), remains]
     if search.effects and (not unexplained or share >= limits.explained):
         if unexplained and search.is_all_but_a_form:
             notes.append(
@@ -86,11 +85,15 @@ def decide(
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:
         return _beside_a_remainder(search, share, step, progress, notes)
-    found = _unknown(search, step, progress, (*notes, *_seen_too_seldom(search, refused)))
-    assert found.unknown is not None
-    placed = placed_by_refusals(found.unknown, refused, limits)
-    if placed is found.unknown:
-        return found
+    found = _unknown(search, step, progress, tuple(notes))
+    unknown = found.unknown
+    assert unknown is not None
+    if not (found.learned and unknown.share > limits.nearly_all):
+        # a curve that explains all leaves nothing to an effect that explains half
+        found = replace(found, notes=(*found.notes, *_seen_too_seldom(search, refused)))
+    placed = placed_by_refusals(unknown, refused, limits)
+    if placed is unknown:
+        return _without_the_curve(found, remains) if found.learned else found
     # a curve in another balance is no part of the revised model
     return replace(found, unknown=placed, learned=False, fit=search.fit)
 
@@ -120,6 +123,12 @@ def _seen_too_seldom(search: Search, refused: Sequence[Refusal]) -> list[str]:
         f"too few stretches of these runs to be sure (probability of chance {best.p_value:.2g}, "
         f"and {limits.p_value:g} is asked for): record more of them, or longer ones"
     ]
+
+
+def _without_the_curve(found: Decision, remains: str) -> Decision:
+    """Return a decision that says of what remains that the learned curve is not in it."""
+    said = f"without the learned curve {remains}"
+    return replace(found, notes=tuple(said if note == remains else note for note in found.notes))
 
 
 def _remaining(after: float, before: float) -> str:
@@ -296,6 +305,8 @@ def _decision_with_curve(
     )
     # what follows nothing is no curve to go on with
     learned = follows and fit.cost < before
+    if learned:
+        notes = (*notes, *straight_line_note(best, search.problem.plant, fit.vector))
     return Decision(
         Verdict.UNKNOWN,
         fit if learned else search.fit,

@@ -120,7 +120,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     notes += ended.notes(["the learned curve" if name == LEARNED else name for name in added])
     notes += moved_notes(
         model, {key: float(fit.vector[layout.index[key]]) for key in keys if key in layout.index},
-        ended.at_bounds,
+        ended.at_bounds, {key: (item.low, item.high) for key, item in calibrated.items()},
     )  # fmt: skip
     notes += one_way_notes(base.measured, search.problem.noise, keys)
     if decision.verdict is not Verdict.NONE:
