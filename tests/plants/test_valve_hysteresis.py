@@ -116,3 +116,17 @@ def test_a_window_begins_with_the_lag_that_the_commands_before_it_leave(form) ->
     window = spool(model, Drive(time[cut], own, first=100))[100:]
     # 100 ms before it are 17 time constants; a step of 0.1 ms leaves a thousandth
     assert np.abs(window - whole_run[first : first + 60]).max() < 3e-4
+
+
+def test_a_look_at_a_microsecond_takes_no_finer_steps_of_what_was_before_it() -> None:
+    """Where a joint gives way every window begins with such looks: they took all of the time."""
+    lag = DeclaredEffect("valve_lag", {"time_constant": 6e-3})
+    model = Model("valve_cylinder", {}, (), (lag,))
+    time = 1e-3 * np.arange(101)
+    drive = Drive(time, {"valve_command": 3.0 * np.sin(40.0 * time)}, first=100)
+    place = model.plant.outputs.index("spool_position")
+    at_first = {
+        step: model.plant.simulate(model.vector(), drive, step)[100, place]
+        for step in (1e-6, 25e-6, 1e-4)
+    }
+    assert at_first[1e-6] == at_first[25e-6] != at_first[1e-4]
