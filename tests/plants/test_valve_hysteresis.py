@@ -118,6 +118,16 @@ def test_a_window_begins_with_the_lag_that_the_commands_before_it_leave(form) ->
     assert np.abs(window - whole_run[first : first + 60]).max() < 3e-4
 
 
+def test_a_window_begins_as_exactly_beside_an_effect_that_remembers_nothing() -> None:
+    band = DeclaredEffect("valve_deadband", {"deadband": 0.02})
+    model = Model("valve_cylinder", {}, (), (band,))
+    time = 2.5e-3 * np.arange(200)
+    command = 3.0 * np.sin(40.0 * time)
+    whole_run = spool(model, Drive(time, {"valve_command": command}))
+    window = spool(model, Drive(time, {"valve_command": command}, first=100))[100:]
+    assert np.abs(window - whole_run[100:]).max() < 1e-9 * np.ptp(whole_run)
+
+
 def test_a_look_at_a_microsecond_takes_no_finer_steps_of_what_was_before_it() -> None:
     """Where a joint gives way every window begins with such looks: they took all of the time."""
     lag = DeclaredEffect("valve_lag", {"time_constant": 6e-3})

@@ -157,6 +157,12 @@ class Hooks:
         """Return the lines that `advance` or `start` states that follow from commands alone."""
         return self._states_lines(what, [item for item in self._order if item.action.remembers])
 
+    def is_remembering(self) -> str:
+        """Return the test for any effect whose states follow from commands alone."""
+        remembering = (item for item in self._order if item.action.remembers)
+        tests = {self._guard(effect, spot) for effect in remembering for spot in effect.spots}
+        return " or ".join(f"({test})" for test in sorted(tests))
+
     def start(self) -> list[str]:
         """Return the lines that set the effects' other states at the first sample."""
         others = [item for item in self._order if not item.action.remembers]

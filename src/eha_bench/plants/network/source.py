@@ -958,10 +958,10 @@ class Writer:
         lines += ["for k in range(first):", "    h = times[k + 1] - times[k]"]
         remembered = bool(self.hooks.remember())
         if remembered:
-            # what a spool follows moves within a tick where an effect lags before it; who asks for
-            # a microsecond looks at what begins, and not at all that went before
+            # what a spool follows moves within a tick where an effect lags before it, and else is
+            # exact in one; who asks for a microsecond looks at what begins, and not at what was
             lines += ["    within = math.ceil(h / max(h_max, FINE))",
-                      "    parts = max(1, within) if S[2] != 0.0 else 1",
+                      f"    parts = max(1, within) if {self.hooks.is_remembering()} else 1",
                       "    h = h / parts"]  # fmt: skip
         if self._factors:
             lines.append("    prepare_signals(h, X, P, S)")
