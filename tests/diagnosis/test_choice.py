@@ -24,7 +24,7 @@ from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.search import choice, equivalent, look, stepwise
-from eha_bench.diagnosis.search.screen import Screen, Screened, _furthest
+from eha_bench.diagnosis.search.screen import Asked, Screen, Screened, _furthest
 from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.plants.model import Model
 
@@ -352,6 +352,29 @@ def test_a_setting_is_found_between_those_that_are_tried() -> None:
     # nothing but the setting is another one
     others = {at: value for at, value in moved.start.settings if at != problem.setting}
     assert others == {at: value for at, value in found.start.settings if at != problem.setting}
+
+
+def test_what_was_screened_is_not_simulated_again_among_others() -> None:
+    layout = VALVE_CYLINDER.plant.layout
+    problem = Peaks()
+    left = problem.residual(layout.defaults())
+    fit = Fit(layout.defaults(), (), left, np.zeros((left.size, 0)), float(left @ left))
+    screen = Screen(cast("Problem", problem), fit)
+    asked: list[FloatArray] = []
+    simulate = problem.residual
+    problem.residual = lambda vector: asked.append(vector) or simulate(vector)  # type: ignore
+    starts = all_starts(layout, layout.defaults(), [], ())
+    valves = [item for item in starts if item.candidate == "relief_valve"]
+    known: dict[Asked, Screened] = {}
+    first = screen.all(valves, known)
+    once = len(asked)
+    again = screen.all(valves, known)
+    assert len(asked) == once
+    assert list(map(id, again)) == list(map(id, first))
+    # one that is alone is asked for by two sizes
+    screen.all(valves[:1], known)
+    assert len(asked) > once
+    assert [item.gain for item in screen.all(valves)] == [item.gain for item in first]
 
 
 class Power(Peaks):

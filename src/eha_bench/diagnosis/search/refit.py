@@ -31,7 +31,7 @@ from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic
 from eha_bench.diagnosis.search.equivalent import is_far_above_noise, tie
 from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, scan
-from eha_bench.diagnosis.search.screen import Screen, Screened, starting_point, unlike
+from eha_bench.diagnosis.search.screen import Asked, Screen, Screened, starting_point, unlike
 from eha_bench.diagnosis.search.state import Refit, Search, rival_share
 
 _COARSELY = 0.002
@@ -191,6 +191,9 @@ class Near:
         beyond = is_beyond(self.problem.beliefs, search.fit.vector)
         self._bases = [self.fit, *(self._as_declared() if bent or beyond else ())]
         self._asked: list[Start] = []
+        # what was asked of a start is not asked again among others
+        self._known: list[dict[Asked, Screened]] = [{} for _ in self._bases]
+        self._refitted: dict[tuple[int, int], tuple[Screened, Nearby]] = {}
         self._screened: list[dict[str, list[Screened]]] = []
         self._fits: dict[int, list[Nearby]] = {}
         self._waves: dict[str, tuple[list[Start], list[Wave]]] = {}
@@ -250,9 +253,9 @@ class Near:
         """
         if self._asked != list(starts):
             self._asked, self._screened, self._fits = list(starts), [], {}
-            for base in self._bases:
+            for base, known in zip(self._bases, self._known, strict=True):
                 found: dict[str, list[Screened]] = {}
-                for item in Screen(self.problem.at_step(SCREENING), base).all(starts):
+                for item in Screen(self.problem.at_step(SCREENING), base).all(starts, known):
                     found.setdefault(item.start.candidate, []).append(item)
                 self._screened.append(found)
         return [item.start for own in self._screened[0].values() for item in own[:most]]
@@ -295,7 +298,12 @@ class Near:
             for base, screened in zip(self._bases, self._screened, strict=True)
             for item in _most_promising(screened, most + 2)
         ]
-        roughly = side_by_side(lambda pair: self._refitted_from(*pair), chosen)
+        new = [pair for pair in chosen if (id(pair[0]), id(pair[1])) not in self._refitted]
+        fits = side_by_side(lambda pair: self._refitted_from(*pair), new)
+        for pair, fitted in zip(new, fits, strict=True):
+            # the start is kept with it, so that no other one gets its id
+            self._refitted[id(pair[0]), id(pair[1])] = pair[0], fitted
+        roughly = [self._refitted[id(screened), id(base)][1] for screened, base in chosen]
         top = max(map(self.gain, roughly), default=0.0)
         found = side_by_side(
             lambda pair: self._further(*pair[0], pair[1], top),
@@ -336,6 +344,8 @@ class Near:
         other = copy(self)
         other.problem, other.coarse = self.problem.at_angles(starts), self.coarse.at_angles(starts)
         other._turned = {}
+        other._known = [dict(known) for known in self._known]
+        other._refitted = dict(self._refitted)
         return other
 
     def adopt_angles(self, starts: Mapping[str, StartAngle]) -> Near:

@@ -32,6 +32,10 @@ _SMALLEST = 0.01
 """Least share of a predicted size that a fit begins with."""
 
 
+Asked = tuple[Start, tuple[float, ...]]
+"""A start, with the shares of its strength that are simulated."""
+
+
 @dataclass(frozen=True)
 class Screened:
     """A candidate's start with what it is predicted to gain.
@@ -196,18 +200,25 @@ class Screen:
 
         return _furthest(item, moved)
 
-    def all(self, starts: Sequence[Start]) -> list[Screened]:
-        """Return all starts, the most promising first; ties keep the order given."""
+    def all(
+        self, starts: Sequence[Start], known: dict[Asked, Screened] | None = None
+    ) -> list[Screened]:
+        """Return all starts, the most promising first; ties keep the order given.
+
+        Args:
+            starts: of candidates. known: what was screened by the same before; the rest is added.
+        """
         count: dict[str, int] = {}
         for start in starts:
             count[start.candidate] = count.get(start.candidate, 0) + 1
-
-        def screened(start: Start) -> Screened:
-            # where a candidate has many starts, these differ in strength already
-            return self.run(start, _SHARES if count[start.candidate] <= 2 else _SHARES[-1:])
-
-        found = side_by_side(screened, starts)
-        return sorted(found, key=lambda item: -item.gain)
+        # where a candidate has many starts, these differ in strength already
+        asked: list[Asked] = [
+            (start, _SHARES if count[start.candidate] <= 2 else _SHARES[-1:]) for start in starts
+        ]
+        found = {} if known is None else known
+        new = [one for one in dict.fromkeys(asked) if one not in found]
+        found.update(zip(new, side_by_side(lambda one: self.run(*one), new), strict=True))
+        return sorted((found[one] for one in asked), key=lambda item: -item.gain)
 
 
 def unlike(screened: Sequence[Screened]) -> list[Screened]:
