@@ -120,6 +120,7 @@ def test_a_ratio_that_is_fitted_moves_the_start_with_it(tmp_path: Path) -> None:
     vector[model.plant.layout.index["gear.ratio"]] = 8.0
     assert model.plant.through_parts(vector, {"motor_speed": 4.0}) == {"output_speed": 0.5}
     assert model.plant.through_parts(vector, {"motor_speed": 4.0, "output_speed": 1.0}) == {}
+    assert model.plant.tells_through_parts
 
 
 def first_run(dataset: Dataset) -> Measured:

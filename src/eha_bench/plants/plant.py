@@ -590,6 +590,11 @@ class Plant:
         """
         return {}
 
+    @property
+    def tells_through_parts(self) -> bool:
+        """Whether `through_parts` may return anything: it is asked for every window of a fit."""
+        return True
+
     def derived(
         self,
         vector: FloatArray,

@@ -38,9 +38,12 @@ def starts_of(
 ) -> list[dict[str, float]]:
     """Return the start states of several drives, each as `start_of` does."""
     plant = at.plant
+    tells = plant.tells_through_parts
     starts, readings = [], []
     for drive, first, own in zip(drives.items, measured, carried, strict=True):
-        implied = plant.through_parts(at.vector, {**drive.first_values, **first})
+        implied: Mapping[str, float] = _NOTHING
+        if tells:
+            implied = plant.through_parts(at.vector, {**drive.first_values, **first})
         read = {name: value for name, value in first.items() if name in plant.states}
         starts.append({**implied, **plant.at_rest(read), **read, **own})
         readings.append(read)

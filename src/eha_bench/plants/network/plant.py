@@ -470,17 +470,29 @@ class NetworkPlant(Plant):
         pressures, places = self._resting_pressures
         states[:, pressures] = parameters[places]
         read = np.zeros(states.shape, dtype=np.bool_)
+        # hundreds of windows say the same few things of where they begin: a block each
+        rows: dict[tuple[str, ...], list[int]] = {}
         for row, initial in enumerate(initials):
-            for name, value in initial.items():
-                place = self.state_places.get(name)
-                if place is None:
-                    raise InputError(
-                        f"'{name}' is not a state of {self.id}",
-                        hint=f"it has: {', '.join(self.states)}",
-                    )
-                states[row, place] = value
-                read[row, place] = True
+            rows.setdefault(tuple(initial), []).append(row)
+        for names, own in rows.items():
+            block = np.ix_(own, [self._state_place(name) for name in names])
+            states[block] = [[*initials[row].values()] for row in own]
+            read[block] = True
         return states, read
+
+    def _state_place(self, name: str) -> int:
+        """Return the place of a state.
+
+        Raises:
+            InputError: there is none of that name.
+        """
+        place = self.state_places.get(name)
+        if place is None:
+            raise InputError(
+                f"'{name}' is not a state of {self.id}",
+                hint=f"it has: {', '.join(self.states)}",
+            )
+        return place
 
     @cached_property
     def _resting_pressures(self) -> tuple[IndexArray, IndexArray]:
@@ -1010,6 +1022,11 @@ class NetworkPlant(Plant):
                 found[joint.second] = readings[joint.first] - bent
         return found
 
+    @property
+    def tells_through_parts(self) -> bool:
+        """Whether anything is geared, or beyond a spring."""
+        return bool(self.roles.geared or self._elastic_joints)
+
     def behind_joint(self) -> int | None:
         """Return the output that the only derived channel, a joint's angle, follows; or None."""
         rods = [*self.rods_behind.values()]
@@ -1156,7 +1173,10 @@ class _Fastest(Parametrised):
         plant = self.plant
         parameters = np.require(self._parameters, np.float64, ["C", "W"])
         inputs = plant.inputs_of_each(drives, self.vector)
-        read_first, unread = zip(*map(self._parted, initials), strict=True)
+        read_first: Sequence[Mapping[str, float]] = initials
+        unread: Sequence[Mapping[str, float]] = ()
+        if self._unread:
+            read_first, unread = zip(*map(self._parted, initials), strict=True)
         settle, simulate = many.addresses(self._kernel)
         chosen = np.asarray(which, dtype=np.intp)
         ends = np.concatenate(([0], np.cumsum(np.diff(inputs.edges)[chosen])))
@@ -1165,7 +1185,7 @@ class _Fastest(Parametrised):
         shown = np.zeros((chosen.size, self._shown.size))
         states, read = plant._as_read(read_first, parameters)
         many.settle_each(settle, read, parameters, memories, shown, states)
-        for memory, own_unread in zip(memories, unread, strict=True):
+        for memory, own_unread in zip(memories, unread, strict=bool(unread)):
             self._remember(memory, own_unread)
         if plant._closed_circuits:
             for state, own in zip(states, read, strict=True):
