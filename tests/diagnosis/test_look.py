@@ -75,3 +75,33 @@ def test_beside_an_effect_a_part_of_what_it_leaves_is_needed() -> None:
     add(search, EFFECT)
     search.excess_left = replace(search.excess_left, total=10_000.0)
     assert module._least_of_hopeful(search) == pytest.approx(450.0)
+
+
+@pytest.mark.parametrize(("gain", "to_go", "fitted_on"), [
+    (9_300.0, 10.0, False),  # 7 % behind one that is down at the noise
+    (9_300.0, 100.0, True),  # five times as much would bring it near
+    (9_700.0, 10.0, True),  # may be as good in the end
+])  # fmt: skip
+def test_what_can_no_longer_be_as_good_as_one_at_the_noise_is_not_fitted_on(
+    monkeypatch: pytest.MonkeyPatch, gain: float, to_go: float, fitted_on: bool
+) -> None:
+    search = search_with(10_000.0, 100.0)
+    search.excess_left = replace(search.excess_left, size=3000)
+    best, rival = (
+        Refit(start_of(name), replace(search.fit, cost=search.fit.cost - gained), NOT_COMPARED)
+        for name, gained in ((EFFECT, 9_990.0), ("gravity_load", gain))
+    )
+    done: list[str] = []
+
+    def polish(_: Search, fit: Any, extra: Any) -> Any:
+        done.append(extra[0].candidate)
+        return fit
+
+    monkeypatch.setattr(module, "polish_to_the_bottom", polish)
+    monkeypatch.setattr(module, "at_the_bottom", lambda _, fit: fit)
+    monkeypatch.setattr(module, "is_far_above_noise", lambda _: False)
+    monkeypatch.setattr(module, "refine", lambda *_: None)
+    left = {id(best.fit): 0.0, id(rival.fit): to_go}
+    monkeypatch.setattr(module, "left_to_gain", lambda fit: left[id(fit)])
+    module._fit_rivals_further(search, [best, rival])
+    assert done == ([EFFECT, "gravity_load"] if fitted_on else [])

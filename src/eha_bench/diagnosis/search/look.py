@@ -16,6 +16,7 @@ from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
+from eha_bench.diagnosis.search.equivalent import is_far_above_noise
 from eha_bench.diagnosis.search.exchange import CLOSE
 from eha_bench.diagnosis.search.hidden_starts import with_hidden_starts
 from eha_bench.diagnosis.search.refit import (
@@ -209,12 +210,27 @@ def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     order = _arrived(search, finals)
     least = _least_of_close(search, order)
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
+    close = [t for t in close if t is order[0] or not _is_beaten(search, t, order[0])]
     if len(close) < 2:
         return [_with_its_shape(search, order[0]), *order[1:]] if order else []
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
     done = [replace(t, fit=polish_to_the_bottom(search, t.fit, [t.start])) for t in close]
     return [*done, *(item for item in order if all(item is not other for other in close))]
+
+
+def _is_beaten(search: Search, trial: Refit, best: Refit) -> bool:
+    """Whether a refit can no longer be as good as the best one, which has reached the noise.
+
+    All that may be left to gain of it is counted; what is behind by so much then is no equivalent
+    (`is_as_good`), however much further both are fitted.
+    """
+    missing, gain = search.excess_left, search.fit.cost - best.fit.cost
+    reached = gain > _NEARLY_ALL * missing.total and not is_far_above_noise(best.fit)
+    if not (reached and is_bent(missing)):
+        return False
+    foreseen = trial.fit.cost - _FORESEEN * left_to_gain(trial.fit)
+    return foreseen - best.fit.cost > search.thresholds.behind_share * gain
 
 
 def _arrived(search: Search, finals: Sequence[Refit]) -> list[Refit]:
