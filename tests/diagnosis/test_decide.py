@@ -97,7 +97,7 @@ def curves(monkeypatch: pytest.MonkeyPatch, asked: Asked) -> Curves:
             "learn": (None, learned),
             "times_of": ((1.0, 2.0),),
             "places_of": ("place",) * places,
-            "straight_line_note": (),
+            "straight_line": "",
         }
         for name, answer in answers.items():
             monkeypatch.setattr(

@@ -179,6 +179,8 @@ def _say_verdict(found: Diagnosis) -> None:
             f"  unknown effect in the {found.unknown.equation} equation{place}, "
             f"depends on {variables}"
         )
+        if found.unknown.shape:
+            say(f"  the learned curve is {found.unknown.shape}")
     elif found.unknown:
         say(f"  {found.unknown.description}")
     if found.verdict is Verdict.NONE and found.calibrated:

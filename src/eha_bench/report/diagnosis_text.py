@@ -322,6 +322,8 @@ def unknown_text(found: Unknown, effects: Iterable[DeclaredEffect]) -> str:
         text = f"A learned curve explains {share(found.share)} of what noise does not"
         if any(effect.id == LEARNED for effect in effects):
             named.append(f"{text}.")
+            if found.shape:
+                named.append(f"It is {found.shape}.")
         else:
             named.append(f"{text} in windows; the revised model is without it, the notes say why.")
     elif found.description:

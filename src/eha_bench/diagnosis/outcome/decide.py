@@ -21,7 +21,7 @@ from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
 from eha_bench.diagnosis.unknown.places import places_of
-from eha_bench.diagnosis.unknown.straight import straight_line_note
+from eha_bench.diagnosis.unknown.straight import straight_line, straight_line_notes
 
 _LOUD, _QUIET = 2.0, 1.1
 """Mean square of a channel, in the noise's, from which it errs, and up to which it does not."""
@@ -305,12 +305,11 @@ def _decision_with_curve(
     )
     # what follows nothing is no curve to go on with
     learned = follows and fit.cost < before
-    if learned:
-        notes = (*notes, *straight_line_note(best, search.problem.plant, fit.vector))
+    shape = straight_line(best, search.problem.plant, fit.vector) if learned else ""
     return Decision(
         Verdict.UNKNOWN,
         fit if learned else search.fit,
-        notes,
+        (*notes, *straight_line_notes(shape)),
         Unknown(
             template.equation,
             (template.variable,) if follows else (),
@@ -320,6 +319,7 @@ def _decision_with_curve(
             when if follows else (),
             template.place,
             derived={template.variable: best.position} if follows and best.position else {},
+            shape=shape,
         ),
         learned,
     )

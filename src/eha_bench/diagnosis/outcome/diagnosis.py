@@ -87,6 +87,7 @@ class Unknown:
         where: values of a channel at which the model errs most, as a clause; "" where about alike.
         sensor: what the sensor reads in which it acts, as a clause; "" where that is not known.
         derived: variable that is no channel -> channel of the position whose slope it is.
+        shape: what the learned curve looks like, as a clause; "" where that is none of a few words.
     """
 
     equation: str | None
@@ -99,6 +100,7 @@ class Unknown:
     where: str = ""
     sensor: str = ""
     derived: Mapping[str, str] = field(default_factory=dict)
+    shape: str = ""
 
     @property
     def in_words(self) -> tuple[str, ...]:
@@ -264,6 +266,7 @@ class Diagnosis:
                 "when": [list(pair) for pair in self.unknown.when],
                 "where": self.unknown.where,
                 "sensor": self.unknown.sensor,
+                "shape": self.unknown.shape,
             },
             "remainder": None if self.remainder is None else self.remainder.to_dict(),
             "equivalent": [list(group) for group in self.equivalent],

@@ -13,7 +13,6 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
-from eha_bench.core.note import Note
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.plants.effects.learned import FORMS
@@ -25,15 +24,15 @@ _STRAIGHT: Final = 0.01
 """Largest part of its variance by which a curve is off a line: noise bends its knots as much."""
 
 
-def straight_line_note(best: LocatedCurve, plant: Plant, vector: FloatArray) -> tuple[Note, ...]:
-    """Say the slope of a learned curve of a balance that is a straight line.
+def straight_line(best: LocatedCurve, plant: Plant, vector: FloatArray) -> str:
+    """Return the slope of a curve of a balance that is a straight line, as a clause; else "".
 
     Args:
         best: where the curve acts. plant: it. vector: with the curve as it was learned.
     """
     unit = _UNITS.get(best.template.equation, "")
     if not unit or best.template.form != FORMS[0] or best.period:
-        return ()
+        return ""
     layout = plant.layout
     at = layout.index[f"{LEARNED}.values"]
     size = layout.by_key[f"{LEARNED}.values"].size
@@ -44,17 +43,18 @@ def straight_line_note(best: LocatedCurve, plant: Plant, vector: FloatArray) -> 
     slope, offset = np.polyfit(knots, values, 1)
     off = values - (offset + slope * knots)
     if not off.var() < _STRAIGHT * values.var():
-        return ()
+        return ""
     name = best.template.variable
-    per = plant.units.get(name) or unit_of(name)
-    return (
-        Note(
-            "the learned curve is a straight line: {slope:.4g} {unit} for each {per} of "
-            "{variable}: an element that grows in proportion is missing (a spring, a damper, a "
-            "leak), or one that is declared is off by that much; declare it in the plant file",
-            slope=float(slope),
-            unit=unit,
-            per=per or "unit",
-            variable=best.follows,
-        ),
-    )
+    per = plant.units.get(name) or unit_of(name) or "unit"
+    return f"a straight line: {slope:.4g} {unit} for each {per} of {best.follows}"
+
+
+def straight_line_notes(shape: str) -> list[str]:
+    """Say what a learned curve asks for that is a straight line, given it as a clause."""
+    if not shape:
+        return []
+    return [
+        f"the learned curve is {shape}: an element that grows in proportion is missing (a spring, "
+        "a damper, a leak), or one that is declared is off by that much; declare it in the plant "
+        "file"
+    ]
