@@ -305,6 +305,15 @@ class Measured:
         )
 
     @cached_property
+    def strides(self) -> Mapping[str, int]:
+        """Ticks from one reading of a channel to its next one, at least 1, by channel."""
+        found = {}
+        for at, name in enumerate(self.outputs):
+            read = np.flatnonzero(self.valid[:, at])
+            found[name] = max(1, round(float(np.median(np.diff(read))))) if read.size > 1 else 1
+        return found
+
+    @cached_property
     def _turns(self) -> dict[int, IndexArray]:
         """What `_turns_before` has found, by tick."""
         return {}

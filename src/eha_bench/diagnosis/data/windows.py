@@ -34,6 +34,8 @@ _FEWEST = 100
 """Least readings of a window in which a position that is controlled tells enough."""
 _HALF_FIT = 8
 """Most ticks on either side of one from which its state is taken."""
+_READINGS = 4
+"""Readings on either side of a channel that is read less often than that."""
 _RESTED = 5
 """Fewest samples of a speed, all within the noise of nothing, from which a run begins at rest."""
 _STEP = 0.1
@@ -192,17 +194,23 @@ def _permitted_starts(measured: Measured, noise: Mapping[str, float]) -> BoolArr
                 speed = np.interp(time, time[good], speed[good])
             level = np.abs(_smooth(np.nan_to_num(speed), reach))
             fine &= level > 5.0 * noise.get(name, 0.0)
-    for column in range(measured.values.shape[1]):
+    for column, name in enumerate(measured.outputs):
         valid = measured.valid[:, column]
-        fine &= _known_near(valid) if measured.apart else valid
-    fine[: _HALF_FIT + 1] = False
-    fine[n - _HALF_FIT - 1 :] = False
+        fine &= _known_near(valid, half_fit(measured, name)) if measured.apart else valid
+    half = max((half_fit(measured, name) for name in measured.outputs), default=_HALF_FIT)
+    fine[: half + 1] = False
+    fine[n - half - 1 :] = False
     return fine
 
 
-def _known_near(valid: BoolArray) -> BoolArray:
+def half_fit(measured: Measured, name: str) -> int:
+    """Return the ticks on either side of one from which the state of a channel is taken there."""
+    return max(_HALF_FIT, _READINGS * measured.strides[name])
+
+
+def _known_near(valid: BoolArray, half: int) -> BoolArray:
     """Where enough samples are near for a start state, of a channel that ticks by itself."""
-    near = np.convolve(valid.astype(float), np.ones(2 * _HALF_FIT + 1), mode="same")
+    near = np.convolve(valid.astype(float), np.ones(2 * half + 1), mode="same")
     return np.asarray(near >= _ENOUGH - 0.5)
 
 
@@ -261,7 +269,7 @@ def _start(
                     continue
             spread[name] = max(3.0 * loud / np.sqrt(part.size), 0.1 * sigma)
         else:
-            around = _around(measured, first)
+            around = _around(measured, first, name)
             since = measured.at(name, around) - measured.time[first]
             local = _local(since, column[around])
             if local is None and rested:
@@ -432,7 +440,7 @@ def _slope(
     position = measured.column(name)
     if position is None:
         return None
-    around = _around(measured, first)
+    around = _around(measured, first, name)
     t, x = measured.at(name, around), position[around]
     good = np.isfinite(x)
     if good.sum() < 4:
@@ -467,12 +475,13 @@ def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
     return max(1, end)
 
 
-def _around(measured: Measured, first: int) -> slice:
+def _around(measured: Measured, first: int, name: str) -> slice:
     """Return a tick's neighbours on its own side of gaps and of jumps of an input.
 
-    Beyond a jump everything bends, and a current is another one.
+    Beyond a jump everything bends, and a current is another one. Of a channel that is read less
+    often than others, ticks further away are neighbours.
     """
-    half = _HALF_FIT
+    half = half_fit(measured, name)
     if _follows(measured):
         half = min(half, max(_FEWEST_BESIDE, round(_BESIDE / measured.tick)))
     low, high = max(0, first - half), min(measured.time.size, first + half + 1)

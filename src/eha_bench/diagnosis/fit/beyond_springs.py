@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.data.windows import Window
+from eha_bench.diagnosis.data.windows import Window, half_fit
 from eha_bench.plants.plant import Plant
 
-_HALF_FIT = 8
-"""Ticks on either side from which a rate is told."""
+_FEWEST = 7
+"""Least readings from which a rate is told."""
 
 
 def beyond_springs(
@@ -51,9 +51,10 @@ def _slope(window: Window, channel: str) -> tuple[float, float]:
     """Return the rate of a channel at a window's start, and how far it may be off, SI/s."""
     measured = window.measured
     column = measured.column(channel)
-    first = max(0, window.first - _HALF_FIT)
-    span = slice(first, first + 2 * _HALF_FIT + 1)
-    if column is None or np.count_nonzero(good := np.isfinite(column[span])) < _HALF_FIT:
+    half = half_fit(measured, channel)
+    first = max(0, window.first - half)
+    span = slice(first, first + 2 * half + 1)
+    if column is None or np.count_nonzero(good := np.isfinite(column[span])) < _FEWEST:
         return 0.0, 0.0
     time, values = measured.time[span][good] - measured.time[window.first], column[span][good]
     slope, further = (float(np.polyfit(time, values, degree)[-2]) for degree in (2, 4))
