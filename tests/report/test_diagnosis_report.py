@@ -342,6 +342,13 @@ def test_no_serious_finding(tab: Page, unknown_page: Path, width: int, scheme: s
     assert serious(tab) == []
 
 
+def test_an_interval_that_reaches_nothing_says_so_in_one_digit() -> None:
+    from eha_bench.report.diagnosis_text import parameter_row
+
+    row = parameter_row("slip.conductance", Estimate(1.1e-9, 0.0, 2.2e-9, "m^3/(s*Pa)"))
+    assert row.interval.startswith("0 … 2.2")
+
+
 def test_a_frequency_is_no_speed() -> None:
     from eha_bench.diagnosis.fit.uncertainty import Estimate
     from eha_bench.report.diagnosis_text import parameter_row

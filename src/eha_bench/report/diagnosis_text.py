@@ -240,7 +240,11 @@ def parameter_row(
     if known and spread > 0.0:
         unit = display_unit(item.unit, (item.value,), written=written)
         digits = decimals_for(unit.from_si(item.value), unit.difference(spread))
-        low, high = (number(unit.from_si(end), digits) for end in (item.low, item.high))
+        low, high = (
+            # an end at a bound of nothing has no digits to tell
+            number(unit.from_si(end), digits) if end else "0"
+            for end in (item.low, item.high)
+        )
         interval = f"{low} … {high}"
     elif known:
         interval = "exact"
