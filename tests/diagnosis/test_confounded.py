@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from eha_bench.diagnosis.data.measured import Measured
+from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.confounded import (
     confounding_notes,
     constant_load_notes,
     one_way_notes,
+    shared_offset_notes,
 )
 from eha_bench.diagnosis.outcome.diagnosis import FoundEffect
 from eha_bench.plants.channel_roles import KNOWN
@@ -81,3 +83,22 @@ def test_a_load_that_could_not_be_tried_is_named(at, said) -> None:
     assert bool(notes) == said
     if said:
         assert "a constant load at 'shaft'" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("at", "offset", "calibrated", "said"),
+    [
+        ("all", 2e4, [], "supply.pressure and tank.pressure are not calibrated: 20 kPa higher"),
+        ("all", -3e4, ["supply.pressure"], "tank.pressure is not calibrated: 30 kPa lower"),
+        ("all", 2e4, ["supply.pressure", "tank.pressure"], ""),
+        ("pressure_a", 2e4, [], ""),
+    ],
+)
+def test_one_offset_of_all_sensors_is_what_reservoirs_look_like(at, offset, calibrated, said):
+    value = Estimate(offset, offset, offset, "Pa")
+    found = FoundEffect(
+        "pressure_sensor_offset", "measurement", {"offset": value}, {}, 0.9, 1e-9, at
+    )
+    notes = shared_offset_notes(get_plant("valve_cylinder"), calibrated, [found])
+    assert bool(notes) is bool(said)
+    assert said in " ".join(notes)

@@ -591,6 +591,11 @@ class Plant:
         return {}
 
     @property
+    def reservoir_pressures(self) -> tuple[str, ...]:
+        """Parameters that hold a pressure whatever flows: of a tank, or a supply."""
+        return ()
+
+    @property
     def tells_through_parts(self) -> bool:
         """Whether `through_parts` may return anything: it is asked for every window of a fit."""
         return True

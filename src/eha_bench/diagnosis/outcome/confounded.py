@@ -28,7 +28,7 @@ from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.reversals import goes_one_way
 from eha_bench.diagnosis.outcome.diagnosis import FoundEffect
-from eha_bench.plants.effect import BoundEffect
+from eha_bench.plants.effect import EVERYWHERE, BoundEffect
 from eha_bench.plants.plant import Plant
 
 _FEWEST = 3
@@ -40,6 +40,7 @@ _VARIES = 1.2
 _MOVES = 0.2
 """Share of a run's largest speed from which something moves."""
 _WEIGHT = "gravity_load"
+_OFFSET = "pressure_sensor_offset"
 _LOPSIDED = "asymmetric_friction"
 _DRY = "coulomb"
 """In the name of a dry friction's size."""
@@ -175,6 +176,36 @@ def zero_offset_notes(
                 f"{per_cent(heavier, 1)} larger, look the same; read the angle where it hangs"
             )
     return tuple(notes)
+
+
+def shared_offset_notes(
+    plant: Plant, calibrated: Collection[str], effects: Sequence[FoundEffect]
+) -> list[str]:
+    """Return what looks like one offset of all pressure sensors: reservoirs that hold more.
+
+    Flows follow differences of pressures. Where all are read as much too high, a tank and a supply
+    that are as much higher than declared do the same, but for oil that is softer at less pressure.
+
+    Args:
+        plant: of the model. calibrated: keys of parameters that were fitted. effects: those found.
+    """
+    held = [key for key in plant.reservoir_pressures if key not in calibrated]
+    offset = next(
+        (
+            item.parameters["offset"].value
+            for item in effects
+            if item.id == _OFFSET and item.at == EVERYWHERE
+        ),
+        None,
+    )
+    if offset is None or not held:
+        return []
+    way = "higher" if offset > 0.0 else "lower"
+    return [
+        f"CAUTION: {' and '.join(held)} {'is' if len(held) == 1 else 'are'} not calibrated: "
+        f"{abs(offset) / 1e3:.3g} kPa {way} than declared looks the same as that offset of all "
+        "sensors; measure it, or list it under `calibrate`"
+    ]
 
 
 def follows_pressure(effect: BoundEffect) -> bool:

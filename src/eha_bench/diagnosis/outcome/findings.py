@@ -30,6 +30,7 @@ from eha_bench.diagnosis.outcome.confounded import (
     constant_load_notes,
     lag_notes,
     one_way_notes,
+    shared_offset_notes,
     zero_offset_notes,
 )
 from eha_bench.diagnosis.outcome.decide import Decision
@@ -134,6 +135,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         notes += lag_notes(search.problem.noise, model.plant, named)
         notes += zero_offset_notes(model.plant, fit.vector, effects)
         notes += constant_load_notes(model.plant, effects)
+        notes += shared_offset_notes(model.plant, keys, effects)
     final = revised_model(model, fit.vector, keys, added)
     return Diagnosis(
         decision.verdict,

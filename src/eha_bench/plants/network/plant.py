@@ -25,7 +25,7 @@ from eha_bench.plants.network.channels import (
     units_of_channels,
 )
 from eha_bench.plants.network.compiler import compiled_kernel, refuse_uncompiled
-from eha_bench.plants.network.element import ElementKind, Friction
+from eha_bench.plants.network.element import ElementKind, Friction, NodeKind
 from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.network.loosened import LoosenedPlant
@@ -1021,6 +1021,13 @@ class NetworkPlant(Plant):
             elif joint.second not in readings and joint.first in readings:
                 found[joint.second] = readings[joint.first] - bent
         return found
+
+    @property
+    def reservoir_pressures(self) -> tuple[str, ...]:
+        """Parameters that hold a pressure whatever flows: of a tank, or a supply."""
+        nodes = self.system.network.nodes.values()
+        held = (f"{node.name}.pressure" for node in nodes if node.kind is NodeKind.RESERVOIR)
+        return tuple(key for key in held if key in self.layout.index)
 
     @property
     def tells_through_parts(self) -> bool:
