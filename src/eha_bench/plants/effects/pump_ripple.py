@@ -13,8 +13,9 @@ half of that; from five pistons on they are parabolas to a hundredth.)
 An ideal pump also asks for its torque in pulses, D_p dp (1 + r p), so that it gives to the oil
 exactly what it takes from the shaft: `acts_on: flow_and_torque`. How the pressure in a piston
 changes over between the ports makes the pulses of the torque smaller or larger than that, by
-`torque_share`; `torque` alone is friction that follows the load of the pistons. theta counts from
-the first sample of the recording; z is the number of pistons, or twice that where it is odd.
+`torque_share`; `torque` alone is friction that follows the load of the pistons. theta is the angle
+of the shaft, as it is read or by the gear whose angle is; one that is not measured counts from the
+first sample of the recording. z is the number of pistons, or twice that where it is odd.
 
 Source: Ivantysyn, Ivantysynova, Hydrostatic Pumps and Motors, Akademia Books 2001;
 Manring, J. Dyn. Sys. Meas. Control 122 (2000) 263.
