@@ -18,6 +18,7 @@ from eha_bench.diagnosis.outcome import curve_instead as module
 from eha_bench.diagnosis.outcome.curve_instead import curve_instead
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.outcome.remainder import Remainder
+from eha_bench.plants.registry import get_plant
 from eha_bench.recordings import write
 
 SERVO = """\
@@ -89,7 +90,7 @@ def finished(*names: str, left: float = 300.0) -> Any:
     long = SimpleNamespace(size=SIZE, soft=1.0)
     return SimpleNamespace(
         thresholds=DEFAULT, effects=effects, accepted=effects, is_all_but_a_form=left < 20.0,
-        problem=SimpleNamespace(at_step=lambda _: long),
+        problem=SimpleNamespace(at_step=lambda _: long, plant=get_plant("eha_knee")),
         base=SimpleNamespace(vector="missing"), fit=SimpleNamespace(vector="effects"),
     )  # fmt: skip
 
@@ -120,6 +121,16 @@ def test_a_law_that_leaves_more_than_a_form_at_its_own_place_is_another_one(
     assert curve_instead(finished("torque_saturation"), left, 1e-3) is not None
     costs["curve"] = 160.0
     assert curve_instead(finished("torque_saturation"), left, 1e-3) is None
+
+
+def test_a_curve_of_the_pressure_that_an_effect_follows_is_its_own_law(
+    costs: dict[str, float],
+) -> None:
+    there = ("seal_friction",)
+    left = Remainder(0.4, "force", "rod", "pressure_a", 0.9, (), there, CURVE)
+    assert curve_instead(finished("seal_friction"), left, 1e-3) is None
+    speed = Remainder(0.4, "force", "rod", "piston_velocity", 0.9, (), there, CURVE)
+    assert curve_instead(finished("seal_friction"), speed, 1e-3) is not None
 
 
 def test_a_small_cause_beside_a_large_one_stands(

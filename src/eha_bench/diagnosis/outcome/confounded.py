@@ -213,6 +213,11 @@ def follows_pressure(effect: BoundEffect) -> bool:
     return bool(_wants(effect) & _PRESSED)
 
 
+def is_pressure(plant: Plant, variable: str) -> bool:
+    """Whether what a curve follows is a pressure, or a difference of two."""
+    return variable.startswith("pressure_") or plant.units.get(variable) == "Pa"
+
+
 def _wants(effect: BoundEffect) -> set[str]:
     """Return what the laws of an effect name."""
     functions = effect.action.hooks.values()

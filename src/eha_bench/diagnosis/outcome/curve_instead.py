@@ -18,7 +18,7 @@ from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
-from eha_bench.diagnosis.fit.thresholds import Thresholds
+from eha_bench.diagnosis.outcome.confounded import follows_pressure, is_pressure
 from eha_bench.diagnosis.outcome.refusal import Refusal
 from eha_bench.diagnosis.outcome.remainder import Remainder
 from eha_bench.diagnosis.search.backward import without
@@ -38,7 +38,7 @@ def curve_instead(search: Search, left: Remainder, step: float) -> Refusal | Non
     limits, curve = search.thresholds, left.curve
     if curve is None or not left.variable or search.is_all_but_a_form:
         return None
-    asked = [item for item in search.effects if _is_asked(item, left, limits)]
+    asked = [item for item in search.effects if _is_asked(search, item, left)]
     if not asked:
         return None
     long = search.problem.at_step(step)
@@ -64,12 +64,20 @@ def curve_instead(search: Search, left: Remainder, step: float) -> Refusal | Non
     return None
 
 
-def _is_asked(item: Accepted, left: Remainder, limits: Thresholds) -> bool:
-    """Whether what remains beside an effect may be the law that the effect imitates."""
-    if item.start.candidate in left.found_there:
-        more_than_a_form = left.share > 1.0 - limits.nearly_all
-        return more_than_a_form and left.explained >= limits.explained
-    return left.explained >= limits.nearly_all
+def _is_asked(search: Search, item: Accepted, left: Remainder) -> bool:
+    """Whether what remains beside an effect may be the law that the effect imitates.
+
+    A curve of the pressure that an effect follows is the same cause, however far off its law is.
+    """
+    limits = search.thresholds
+    if item.start.candidate not in left.found_there:
+        return left.explained >= limits.nearly_all
+    plant = search.problem.plant
+    effect = plant.layout.effect(item.start.candidate)
+    if follows_pressure(effect) and is_pressure(plant, left.variable):
+        return False
+    more_than_a_form = left.share > 1.0 - limits.nearly_all
+    return more_than_a_form and left.explained >= limits.explained
 
 
 def _with_curve(search: Search, fit: Fit, curve: LocatedCurve, step: float) -> Fit:

@@ -12,7 +12,7 @@ from eha_bench.diagnosis.fit.candidates import LEARNED, SheetNumber
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
-from eha_bench.diagnosis.outcome.confounded import follows_pressure
+from eha_bench.diagnosis.outcome.confounded import follows_pressure, is_pressure
 from eha_bench.diagnosis.outcome.diagnosis import MAY_AS_WELL, Unknown, Verdict
 from eha_bench.diagnosis.outcome.refusal import Refusal, placed_by_refusals
 from eha_bench.diagnosis.outcome.whereabouts import acts_in
@@ -204,9 +204,7 @@ def _is_their_law(search: Search, items: Sequence[Accepted], unknown: Unknown) -
     named = {item.start.candidate for item in items}
     if not any(effect.id in named and follows_pressure(effect) for effect in plant.layout.effects):
         return False
-    return all(
-        name.startswith("pressure_") or plant.units.get(name) == "Pa" for name in unknown.variables
-    )
+    return all(is_pressure(plant, name) for name in unknown.variables)
 
 
 def _unknown(
