@@ -102,9 +102,7 @@ def test_parts_that_are_declared_alike_are_one_clause_of_the_headline() -> None:
         calibrated=dict.fromkeys(names, asked),
     )
     (clause,) = declared_wrongly(found)
-    assert clause.startswith(
-        "cylinder.area_a and cylinder.area_b are declared as 0.0008000\u00a0m²"
-    )
+    assert clause.startswith("cylinder.area_a and cylinder.area_b are declared as 8.000\u00a0cm²")
     assert clause.count("data ask for") == 1
 
 

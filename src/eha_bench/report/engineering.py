@@ -67,6 +67,11 @@ _SCALES: Final[dict[str, tuple[tuple[float, DisplayUnit], ...]]] = {
     "N*m": ((0.01, DisplayUnit("N·m")), (0.0, DisplayUnit("mN·m", 1e3))),
     "m^3/s": ((0.0, DisplayUnit("L/min", 6e4)),),
 }
+_POWERS: Final[dict[str, tuple[tuple[float, DisplayUnit], ...]]] = {
+    "m^2": ((0.1, DisplayUnit("m²")), (0.0, DisplayUnit("cm²", 1e4))),
+    "m^3": ((0.1, DisplayUnit("m³")), (0.0, DisplayUnit("cm³", 1e6))),
+}
+"""The same of areas and volumes, which a limit may give in any power of a length."""
 
 # Units that a limit may be written in besides those above: the value is then shown in it.
 _WRITTEN: Final[dict[str, dict[str, DisplayUnit]]] = {
@@ -157,7 +162,7 @@ def display_unit(
         return PERCENT if metric in _FRACTIONS else PLAIN
     if si == "K" and metric:
         return DisplayUnit("K")
-    scales = _SCALES.get(si)
+    scales = _SCALES.get(si) or _POWERS.get(si)
     if scales is None:
         return DisplayUnit(printed_unit(si))
     largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
