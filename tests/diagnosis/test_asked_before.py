@@ -109,6 +109,13 @@ def test_a_command_that_was_there_before_is_taken_as_it_is(
     assert not [note for note in found.notes if "before the first sample" in note]
 
 
+def test_a_command_that_is_held_for_some_ticks_does_not_rest(model: Model) -> None:
+    held = wave(0.6)[(np.arange(TIME.size) // 5) * 5]  # a controller at 100 Hz
+    (found,) = predict(dataset(model, recorded(model, 0.0, held)))
+    (note,) = (note for note in found.notes if "before the first sample" in note)
+    assert float(note.rsplit(" ", 2)[-2]) == pytest.approx(0.0, abs=0.06)
+
+
 def test_a_fit_begins_where_the_motion_is_known(model: Model) -> None:
     """A twentieth of what a command goes through moves a machine as well as a step does."""
     jumps = measured(model, recorded(model, 0.0, wave(0.2)))

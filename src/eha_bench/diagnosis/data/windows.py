@@ -44,6 +44,8 @@ _ASKED = 0.02
 """Share of what a valve's command goes through from which it moves the machine."""
 _LITTLE = 1e-3
 """And up to which it rests."""
+_HELD = 0.03
+"""How long it rests then, s: a controller slower than the log holds its command for less."""
 _ENOUGH = 7
 """Samples around a tick that say how far a polynomial through them may be off."""
 _FEWEST_BESIDE = 3
@@ -415,7 +417,8 @@ def is_given_at_first(measured: Measured, name: str) -> bool:
     if own is None:
         return False
     swing = float(np.ptp(own))
-    rests = np.all(np.abs(own[:_RESTED] - own[0]) <= _LITTLE * swing)
+    since = max(_RESTED, round(_HELD / measured.tick))
+    rests = np.all(np.abs(own[:since] - own[0]) <= _LITTLE * swing)
     return bool(abs(own[0]) > _ASKED * swing and not rests)
 
 
