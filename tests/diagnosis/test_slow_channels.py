@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,33 @@ def test_runs_are_cut_into_windows_that_know_the_speed_they_begin_with(dataset: 
     left = problem.residual(vector)
     for piece in problem.pieces:
         assert np.mean(left[piece.rows] ** 2) < 2.0
+
+
+def thinned(dataset: Path, every: int, stepped: bool) -> Measured:
+    """Return a run of which one row in so many has an encoder's reading, with a stepped command."""
+    run = measured(dataset)[0]
+    valid = run.valid.copy()
+    column = run.outputs.index("rod_position")
+    valid[:, column] &= np.arange(run.time.size) % every == 0
+    inputs = dict(run.inputs)
+    if stepped:
+        inputs["current_command"] = 5.0 * ((np.arange(run.time.size) // 60) % 3)
+    return replace(run, valid=valid, inputs=inputs)
+
+
+@pytest.mark.parametrize("every", [300, 500, 1500])
+def test_a_channel_of_few_readings_permits_no_start(dataset: Path, every: int) -> None:
+    run = thinned(dataset, every, stepped=False)
+    assert len(cut_windows(run, dict(NOISE))) == 1
+
+
+@pytest.mark.parametrize("every", [5, 20, 50])
+def test_every_window_knows_where_it_begins_beside_steps_of_the_command(
+    dataset: Path, every: int
+) -> None:
+    run = thinned(dataset, every, stepped=True)
+    for window in cut_windows(run, dict(NOISE)):
+        assert window.first == 0 or {"rod_position", "rod_velocity"} <= window.initial.keys()
 
 
 @pytest.mark.slow(30)

@@ -35,15 +35,16 @@ NAMES = ("low", "high", "scale")
 
 
 def noted(
-    values: np.ndarray, *, equation: str = "force", form: str = "additive", period: float = 0.0
-) -> str:
+    values: np.ndarray, *, equation: str = "force", form: str = "additive", period: float = 0.0,
+    unit: str = "m",
+) -> str:  # fmt: skip
     """What is said of a curve of a position from -1 to 1 m, doubled."""
     keys = [*(f"learned.{name}" for name in NAMES), "learned.values"]
     layout = SimpleNamespace(
         index={key: k for k, key in enumerate(keys)},
         by_key={"learned.values": SimpleNamespace(size=values.size)},
     )
-    plant: Any = SimpleNamespace(layout=layout, units={"position": "m"})
+    plant: Any = SimpleNamespace(layout=layout, units={"position": unit})
     vector = np.concatenate([[-1.0, 1.0, 2.0], values])
     template = Template(equation, form, "rod", "position")
     best = LocatedCurve(template, 0.9, np.zeros(2), np.zeros(2), period)
@@ -72,6 +73,7 @@ def test_a_line_says_its_slope_in_the_units_of_its_balance() -> None:
         pytest.param(noted(KNOTS, form="gain"), id="gain"),
         pytest.param(noted(KNOTS, period=2.0), id="periodic"),
         pytest.param(noted(KNOTS, equation="measurement"), id="sensor"),
+        pytest.param(noted(KNOTS, unit="s"), id="time"),
     ],
 )
 def test_what_is_no_line_of_a_balance_says_nothing(said: str) -> None:

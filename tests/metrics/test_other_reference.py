@@ -11,7 +11,7 @@ import eha_bench as eb
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
-from eha_bench.metrics.other_reference import is_of_trial, other_reference
+from eha_bench.metrics.other_reference import ReferenceLevels, is_of_trial, other_reference
 from eha_bench.suites import load_suite
 
 STEP = {"kind": "step", "final": "10 MPa", "at": "20 ms"}
@@ -113,3 +113,22 @@ def test_logs_of_several_commands_are_no_repeats_of_one_that_takes_any(tmp_path:
     ]  # fmt: skip
     (said,) = [note for note in done[2].notes if "no repeats" in note]
     assert "the reference of c.mcap goes 0 to 5 MPa, and that of a.mcap 0 to 10 MPa" in said
+
+
+def levels(values: np.ndarray) -> ReferenceLevels:
+    found = ReferenceLevels.of(Recording(0.01 * np.arange(values.size), {"reference": values}))
+    assert found is not None
+    return found
+
+
+def test_an_edge_a_little_later_and_what_flickers_about_a_level_are_no_other_reference() -> None:
+    rows = np.arange(1000)
+    early, late = (np.where(rows > 1000 * (1.0 - up), 10.0, 0.0) for up in (0.055, 0.045))
+    assert not levels(early).differ_from(levels(late))
+    flicker = np.random.default_rng(2).normal(0.0, 100.0, 1000)
+    held = levels(5e6 + flicker)
+    assert not held.differ_from(levels(5e6 + 20.0 + flicker))
+    assert held.differ_from(levels(10e6 + flicker))
+    assert levels(np.where(rows > 500, 10.0, 0.0)).differ_from(
+        levels(np.where(rows > 500, 5.0, 0.0))
+    )

@@ -26,6 +26,8 @@ _ENDS = (0.05, 0.95)
 """Shares of the samples below a level: single ones do not count."""
 _ABOUT = 0.03
 """Shares that differ by as much are the same: an edge comes at another sample."""
+_FLICKER = 0.01
+"""Share of a level by which it may be off where it is all that there is."""
 _FEWEST = 8
 _SHOWN = {"Pa": "MPa", "rad": "deg", "m": "mm"}
 """Units of people, for units of ours."""
@@ -33,9 +35,15 @@ _SHOWN = {"Pa": "MPa", "rad": "deg", "m": "mm"}
 
 @dataclass(frozen=True)
 class ReferenceLevels:
-    """Levels between which a reference lies: nearly all of it, and all, each low and high, SI."""
+    """Levels between which a reference lies, SI.
 
-    usual: tuple[float, float]
+    Attributes:
+        low, high: levels below which few and nearly all samples are, each from one to another, as
+            an edge may come at another sample. ends: least and largest value. unit: SI.
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
     ends: tuple[float, float]
     unit: str
 
@@ -45,18 +53,22 @@ class ReferenceLevels:
         values = recording.values.get("reference")
         if values is None or np.count_nonzero(good := np.isfinite(values)) < _FEWEST:
             return None
-        low, high = np.quantile(values[good], _ENDS)
+        low, high = (np.quantile(values[good], [share - _ABOUT, share + _ABOUT]) for share in _ENDS)
         return ReferenceLevels(
-            (float(low), float(high)), _ends(values[good]), recording.unit("reference")
+            (float(low[0]), float(low[1])),
+            (float(high[0]), float(high[1])),
+            _ends(values[good]),
+            recording.unit("reference"),
         )
 
     def differ_from(self, other: ReferenceLevels) -> bool:
         """Whether they are plainly others: two such recordings are no repeats of one trial."""
-        span = max(high - low for low, high in (self.usual, other.usual))
-        if span == 0.0:
-            span = max(abs(self.usual[0]), abs(other.usual[0]))
-        pairs = zip(self.usual, other.usual, strict=True)
-        return any(abs(own - others) > _SAME * span for own, others in pairs)
+        span = max(one.high[1] - one.low[0] for one in (self, other))
+        level = max(abs(end) for one in (self, other) for end in one.ends)
+        # what flickers about one level has hardly a span of its own
+        slack = max(_SAME * span, _FLICKER * level)
+        pairs = ((self.low, other.low), (self.high, other.high))
+        return any(max(own[0], its[0]) - min(own[1], its[1]) > slack for own, its in pairs)
 
     def __str__(self) -> str:
         """Say all of it in a unit of people."""

@@ -87,17 +87,15 @@ def declared_wrongly(found: Diagnosis) -> list[str]:
     clauses = [f"its channel map is wrong: {words} is right" for words in found.misread]
     if found.doubtful:
         clauses.append(f"all would be as believed with {' or '.join(found.doubtful)}")
-    alike: dict[str, list[str]] = {}
+    alike: dict[tuple[str, str], list[str]] = {}
     for name, declared in found.corrected.items():
-        alike.setdefault(amount(declared, found.calibrated[name].unit), []).append(name)
-    for was, names in alike.items():
-        asked = dict.fromkeys(
-            amount(now.value, now.unit) for now in map(found.calibrated.__getitem__, names)
-        )
+        now = found.calibrated[name]
+        said = amount(declared, now.unit), amount(now.value, now.unit)
+        alike.setdefault(said, []).append(name)
+    for (was, asked), names in alike.items():
         are = "is" if len(names) == 1 else "are"
         clauses.append(
-            f"{' and '.join(names)} {are} declared as {was}, and the data ask for "
-            f"{' and '.join(asked)}"
+            f"{' and '.join(names)} {are} declared as {was}, and the data ask for {asked}"
         )
     return clauses
 
@@ -242,7 +240,7 @@ def parameter_row(
         digits = decimals_for(unit.from_si(item.value), unit.difference(spread))
         low, high = (
             # an end at a bound of nothing has no digits to tell
-            number(unit.from_si(end), digits) if end else "0"
+            number(unit.from_si(end), digits) if unit.from_si(end) else "0"
             for end in (item.low, item.high)
         )
         interval = f"{low} … {high}"

@@ -40,7 +40,7 @@ _FEWEST = 10
 _PERIODS_SHORT = 2.0
 """A window that ends so many periods behind the last sample asks for all, and no more."""
 _ENDS_BEFORE = (
-    "the log ends {end:.6g} s behind its first sample, before the end of the window (to: "
+    "the log ends {end:.6g} s after its first sample, before the end of the window (to: "
     "{stop:.6g} s); what there is was taken ('to' counts from the log's first sample)"
 )
 _LONGEST = 86_400.0

@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from eha_bench.core.arrays import BoolArray, FloatArray
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.diagnosis.data.measured import Measured
 
 FREE_WINDOW = 0.4
@@ -43,9 +43,9 @@ _STEP = 0.1
 _ASKED = 0.02
 """Share of what a valve's command goes through from which it moves the machine."""
 _LITTLE = 1e-3
-"""And up to which it rests."""
+"""Share of an input's range within which it rests."""
 _HELD = 0.03
-"""How long it rests then, s: a controller slower than the log holds its command for less."""
+"""How long a command that rests stays so, s: a controller slower than the log holds it for less."""
 _ENOUGH = 7
 """Samples around a tick that say how far a polynomial through them may be off."""
 _FEWEST_BESIDE = 3
@@ -198,7 +198,12 @@ def _permitted_starts(measured: Measured, noise: Mapping[str, float]) -> BoolArr
             fine &= level > 5.0 * noise.get(name, 0.0)
     for column, name in enumerate(measured.outputs):
         valid = measured.valid[:, column]
-        fine &= _known_near(valid, half_fit(measured, name)) if measured.apart else valid
+        if half_fit(measured, name) > _HALF_FIT:
+            # beyond a jump of a command its readings tell nothing, and there are few of them
+            near = _counted(valid, *_own_side(measured, _half_around(measured, name)))
+            fine &= near >= _ENOUGH
+        else:
+            fine &= _known_near(valid) if measured.apart else valid
     half = max((half_fit(measured, name) for name in measured.outputs), default=_HALF_FIT)
     fine[: half + 1] = False
     fine[n - half - 1 :] = False
@@ -210,10 +215,32 @@ def half_fit(measured: Measured, name: str) -> int:
     return max(_HALF_FIT, _READINGS * measured.strides[name])
 
 
-def _known_near(valid: BoolArray, half: int) -> BoolArray:
+def _known_near(valid: BoolArray) -> BoolArray:
     """Where enough samples are near for a start state, of a channel that ticks by itself."""
-    near = np.convolve(valid.astype(float), np.ones(2 * half + 1), mode="same")
-    return np.asarray(near >= _ENOUGH - 0.5)
+    tick = np.arange(valid.size)
+    low, high = np.maximum(tick - _HALF_FIT, 0), np.minimum(tick + _HALF_FIT + 1, valid.size)
+    return np.asarray(_counted(valid, low, high) >= _ENOUGH)
+
+
+def _counted(valid: BoolArray, low: IndexArray, high: IndexArray) -> IndexArray:
+    """Return how many values are valid from each of `low` to before each of `high`."""
+    total = np.concatenate([[0], np.cumsum(valid)])
+    return np.asarray(total[high] - total[low], dtype=np.intp)
+
+
+def _own_side(measured: Measured, half: int) -> tuple[IndexArray, IndexArray]:
+    """Return where the neighbours of each tick begin and end, as `_around` does for one, (n,)."""
+    tick = np.arange(measured.time.size)
+    low, high = np.maximum(tick - half, 0), np.minimum(tick + half + 1, tick.size)
+    breaks = np.asarray(sorted(measured.breaks), dtype=np.intp)
+    jumps = np.setdiff1d(measured.jumps, breaks).astype(np.intp)
+    for edges, after, side in ((jumps, 1, "left"), (breaks, 0, "right")):
+        if edges.size:
+            place = np.searchsorted(edges, tick, side=side)  # type: ignore[call-overload]
+            before, behind = place > 0, place < edges.size
+            low[before] = np.maximum(low[before], edges[place[before] - 1] + after)
+            high[behind] = np.minimum(high[behind], edges[place[behind]] + after)
+    return low, high
 
 
 def _clear_of_reversals(
@@ -478,15 +505,21 @@ def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
     return max(1, end)
 
 
+def _half_around(measured: Measured, name: str) -> int:
+    """Return how far a channel's neighbours are taken, in ticks: less where it is controlled."""
+    half = half_fit(measured, name)
+    if _follows(measured):
+        half = min(half, max(_FEWEST_BESIDE, round(_BESIDE / measured.tick)))
+    return half
+
+
 def _around(measured: Measured, first: int, name: str) -> slice:
     """Return a tick's neighbours on its own side of gaps and of jumps of an input.
 
     Beyond a jump everything bends, and a current is another one. Of a channel that is read less
     often than others, ticks further away are neighbours.
     """
-    half = half_fit(measured, name)
-    if _follows(measured):
-        half = min(half, max(_FEWEST_BESIDE, round(_BESIDE / measured.tick)))
+    half = _half_around(measured, name)
     low, high = max(0, first - half), min(measured.time.size, first + half + 1)
     for tick in measured.breaks:
         if tick <= first:

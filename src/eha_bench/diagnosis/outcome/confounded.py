@@ -201,10 +201,11 @@ def shared_offset_notes(
     if offset is None or not held:
         return []
     way = "higher" if offset > 0.0 else "lower"
+    is_, it = ("is", "it") if len(held) == 1 else ("are", "them")
     return [
-        f"CAUTION: {' and '.join(held)} {'is' if len(held) == 1 else 'are'} not calibrated: "
-        f"{abs(offset) / 1e3:.3g} kPa {way} than declared looks the same as that offset of all "
-        "sensors; measure it, or list it under `calibrate`"
+        f"CAUTION: {' and '.join(held)} {is_} not calibrated: {abs(offset) / 1e3:.3g} kPa {way} "
+        f"than declared looks the same as that offset of all sensors; measure {it}, or list {it} "
+        "under `calibrate`"
     ]
 
 

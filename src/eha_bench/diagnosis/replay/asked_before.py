@@ -6,7 +6,7 @@ from is nobody's first row. Begun at the first command, the pressures of a healt
 by as much as that command moves them, and a whole replay says so for half a second.
 
 A command held before is therefore estimated from how the run begins, as its start angle is. It is
-taken where the first readings ask for it clearly, and noted.
+taken where the first readings ask for it clearly; `predict` notes it.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
     """
     good = [item for item in trials if _is_acceptable(search, item)]
     told = [item for item in good if not below_reading(search, item.start, item.fit.vector)]
-    otherwise = _best_of(search, good, trials) if len(told) < len(good) else None
+    otherwise = _best_of(search, good, good) if len(told) < len(good) else None
     if otherwise is not None and all(otherwise is not item for item in told):
         why = below_reading(search, otherwise.start, otherwise.fit.vector)
         search.too_small[otherwise.candidate] = why

@@ -20,6 +20,8 @@ from eha_bench.plants.plant import Plant
 
 _UNITS: Final[Mapping[str, str]] = {"torque": "N*m", "force": "N", "flow": "m^3/s"}
 """Of what a curve adds to a balance."""
+_STATES: Final = ("m", "rad", "m/s", "rad/s", "Pa")
+"""Units of what springs, dampers and leaks follow; no element follows the time."""
 _STRAIGHT: Final = 0.01
 """Largest part of its variance by which a curve is off a line: noise bends its knots as much."""
 
@@ -45,7 +47,9 @@ def straight_line(best: LocatedCurve, plant: Plant, vector: FloatArray) -> str:
     if not off.var() < _STRAIGHT * values.var():
         return ""
     name = best.template.variable
-    per = plant.units.get(name) or unit_of(name) or "unit"
+    per = plant.units.get(name) or unit_of(name)
+    if per not in _STATES:
+        return ""
     return f"a straight line: {slope:.4g} {unit} for each {per} of {best.follows}"
 
 

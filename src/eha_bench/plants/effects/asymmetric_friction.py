@@ -4,7 +4,7 @@
 
 of anything that moves: its dry friction, its viscous friction, or both (`kind`). It scales whatever
 friction there is, also that of other effects. Bristles that are bent pull as they are bent, also
-where the motion has turned back already: their pull has no jump there.
+where the motion has turned back already: their pull, but for its damping, has no jump there.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083,
 doi:10.1016/0005-1098(94)90209-7; EMPS, whose viscous friction is lopsided: Janot,
