@@ -138,7 +138,7 @@ def test_a_window_that_ends_behind_the_log_is_noted(tmp_path):
     beyond, whole, part = (run.read() for run in load_dataset(drive(tmp_path, runs)).runs)
     assert not [note for item in (whole, part) for note in item.notes if "the log ends" in note]
     (note,) = [note for note in beyond.notes if "the log ends" in note]
-    assert "the log ends 0.998 s behind its first sample" in note
+    assert "the log ends 0.998 s after its first sample" in note
     assert "(to: 3 s)" in note
     np.testing.assert_array_equal(beyond.time, whole.time)
     notes = gather(load_dataset(drive(tmp_path, runs)))[3]
