@@ -202,6 +202,7 @@ def _permitted_starts(measured: Measured, noise: Mapping[str, float]) -> BoolArr
             # beyond a jump of a command its readings tell nothing, and there are few of them
             near = _counted(valid, *_own_side(measured, _half_around(measured, name)))
             fine &= near >= _ENOUGH
+            fine &= valid | measured.apart
         else:
             fine &= _known_near(valid) if measured.apart else valid
     half = max((half_fit(measured, name) for name in measured.outputs), default=_HALF_FIT)
