@@ -196,11 +196,12 @@ def _permitted_starts(measured: Measured, noise: Mapping[str, float]) -> BoolArr
                 speed = np.interp(time, time[good], speed[good])
             level = np.abs(_smooth(np.nan_to_num(speed), reach))
             fine &= level > 5.0 * noise.get(name, 0.0)
+    ticks = np.arange(n)
     for column, name in enumerate(measured.outputs):
         valid = measured.valid[:, column]
         if half_fit(measured, name) > _HALF_FIT:
             # beyond a jump of a command its readings tell nothing, and there are few of them
-            near = _counted(valid, *_own_side(measured, _half_around(measured, name)))
+            near = _counted(valid, *_own_side(measured, ticks, _half_around(measured, name)))
             fine &= near >= _ENOUGH
             fine &= valid | measured.apart
         else:
@@ -229,19 +230,26 @@ def _counted(valid: BoolArray, low: IndexArray, high: IndexArray) -> IndexArray:
     return np.asarray(total[high] - total[low], dtype=np.intp)
 
 
-def _own_side(measured: Measured, half: int) -> tuple[IndexArray, IndexArray]:
-    """Return where the neighbours of each tick begin and end, as `_around` does for one, (n,)."""
-    tick = np.arange(measured.time.size)
-    low, high = np.maximum(tick - half, 0), np.minimum(tick + half + 1, tick.size)
+def _own_side(measured: Measured, ticks: IndexArray, half: int) -> tuple[IndexArray, IndexArray]:
+    """Return where the neighbours of some ticks begin and end, on their own side of what bends.
+
+    That is a gap, or a jump of an input: beyond one everything bends, and a current is another one.
+    """
+    low, high = np.maximum(ticks - half, 0), np.minimum(ticks + half + 1, measured.time.size)
     breaks = np.asarray(sorted(measured.breaks), dtype=np.intp)
     jumps = np.setdiff1d(measured.jumps, breaks).astype(np.intp)
-    for edges, after, side in ((jumps, 1, "left"), (breaks, 0, "right")):
-        if edges.size:
-            place = np.searchsorted(edges, tick, side=side)  # type: ignore[call-overload]
-            before, behind = place > 0, place < edges.size
-            low[before] = np.maximum(low[before], edges[place[before] - 1] + after)
-            high[behind] = np.minimum(high[behind], edges[place[behind]] + after)
+    # what is logged at the tick of a jump belongs to what was before, unless that was a gap
+    before = np.searchsorted(jumps, ticks, side="left")
+    _cut_at(jumps + 1, before, low, high)
+    _cut_at(breaks, np.searchsorted(breaks, ticks, side="right"), low, high)
     return low, high
+
+
+def _cut_at(edges: IndexArray, before: IndexArray, low: IndexArray, high: IndexArray) -> None:
+    """Cut neighbourhoods at the edges next to them, of which so many are before their ticks."""
+    some, more = before > 0, before < edges.size
+    low[some] = np.maximum(low[some], edges[before[some] - 1])
+    high[more] = np.minimum(high[more], edges[before[more]])
 
 
 def _clear_of_reversals(
@@ -517,24 +525,10 @@ def _half_around(measured: Measured, name: str) -> int:
 def _around(measured: Measured, first: int, name: str) -> slice:
     """Return a tick's neighbours on its own side of gaps and of jumps of an input.
 
-    Beyond a jump everything bends, and a current is another one. Of a channel that is read less
-    often than others, ticks further away are neighbours.
+    Of a channel that is read less often than others, ticks further away are neighbours.
     """
-    half = _half_around(measured, name)
-    low, high = max(0, first - half), min(measured.time.size, first + half + 1)
-    for tick in measured.breaks:
-        if tick <= first:
-            low = max(low, tick)
-        else:
-            high = min(high, tick)
-    # what is logged at the tick of a jump belongs to what was before, unless that was a gap
-    jumps = np.setdiff1d(measured.jumps, measured.breaks)
-    before = int(np.searchsorted(jumps, first))
-    if before > 0:
-        low = max(low, int(jumps[before - 1]) + 1)
-    if before < jumps.size:
-        high = min(high, int(jumps[before]) + 1)
-    return slice(low, high)
+    low, high = _own_side(measured, np.array([first]), _half_around(measured, name))
+    return slice(int(low[0]), int(high[0]))
 
 
 def _before_first_reading(t: FloatArray, y: FloatArray) -> tuple[float, float] | None:
