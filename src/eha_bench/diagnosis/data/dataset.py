@@ -11,7 +11,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from eha_bench.core import yaml_file
@@ -563,15 +562,10 @@ def _window_of(
     stop = math.inf if part.stop is None else part.stop
     cut = recording.between(first + part.start, first + stop)
     missing = first + stop - last
-    if part.stop is None or missing <= _PERIODS_SHORT * _period(recording):
+    if part.stop is None or not missing > _PERIODS_SHORT * recording.sample_period:
         return cut
     note = Note(_ENDS_BEFORE, end=last - first, stop=stop)
     return replace(cut, notes=(*cut.notes, note))
-
-
-def _period(recording: Recording) -> float:
-    """Return the usual time between samples, s."""
-    return float(np.median(np.diff(recording.time))) if len(recording) > 1 else 0.0
 
 
 def _window(part: _LogPart) -> str:

@@ -23,16 +23,16 @@ from eha_bench.core.note import Note
 from eha_bench.diagnosis.data.measured import Measured, pooled_noise
 from eha_bench.diagnosis.data.windows import is_given_at_first
 from eha_bench.diagnosis.fit.start_state import start_of
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.plants.model import Model
 
 _STEP: Final = 2e-4
 """Integration step, s: only differences between two beginnings count."""
 _SECONDS: Final = 0.2
 """How long a run shows where its spool began."""
-_SURE: Final = 30.0
-"""Least fall of the cost, in squared standard deviations: that of an effect (`Thresholds.gain`)."""
 _MUCH: Final = 0.5
-"""Least share of the cost: what is missing elsewhere asks for a little of anything."""
+"""Least share of the cost by which it falls, besides an effect's least gain: what is missing
+elsewhere asks for a little of anything."""
 _LOOKS: Final = 9
 _RESOLVED: Final = 1e-3
 """Share of a command's range to which it is found."""
@@ -109,5 +109,5 @@ def _asked_before(
         method="bounded",
         options={"xatol": _RESOLVED * most},
     )
-    least = max(_SURE, _MUCH * (before := cost(float(asked[0]))))
+    least = max(DEFAULT.gain, _MUCH * (before := cost(float(asked[0]))))
     return float(found.x) if before - float(found.fun) > least else None
