@@ -42,8 +42,7 @@ def judge(
     trial: Trial,
     repeat: int,
     scorer: Scorer = score,
-    *,
-    kept_safe: bool = False,
+    unsafe: str | None = None,
 ) -> TrialResult:
     """Return a trial's scores and status; the recording's place is filled in by the caller.
 
@@ -52,7 +51,7 @@ def judge(
 
     Args:
         recording: to score. trial, repeat: that it is of. scorer: gives the scores.
-        kept_safe: whether it was held against the safety limits already, and kept them.
+        unsafe: what `breach` says of it, where it was asked already; None: it is asked here.
     """
     scores = scorer(recording, trial)
     unhealthy = recording.metadata.get("loop_unhealthy", "")
@@ -61,7 +60,7 @@ def judge(
     if unhealthy:
         scores = tuple(_withheld(item, reason) for item in scores)
     status = Status.INCOMPLETE if unhealthy else _status(scores)
-    unsafe = "" if kept_safe else breach(recording, trial)
+    unsafe = breach(recording, trial) if unsafe is None else unsafe
     if unsafe:
         status = Status.FAULT if unhealthy else Status.FAILED
     notes = (*recording.notes, *_ends_early(recording, trial), *unchecked(recording, trial))

@@ -359,7 +359,7 @@ def _run_one(
             trial.id, repeat, status, relative, digest, reason=reason, notes=notes
         )
         return stopped, ending
-    judged = judge(outcome.recording, trial, repeat, kept_safe=True)
+    judged = judge(outcome.recording, trial, repeat, unsafe="")
     run.circumstances.add(outcome.recording)
     return replace(judged, recording=relative, sha256=file_sha256(path)), ending
 
