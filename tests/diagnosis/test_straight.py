@@ -110,7 +110,7 @@ def test_a_spring_that_nobody_declared_is_a_line_and_nothing_else(tmp_path: Path
     assert found.verdict is Verdict.UNKNOWN
     assert found.unknown is not None
     assert (found.unknown.equation, found.unknown.variables) == ("force", ("position",))
-    slope = float(re.search(r"line: (\S+) N", found.unknown.shape).group(1))  # type: ignore[union-attr]
+    (slope,) = map(float, re.findall(r"line: (\S+) N", found.unknown.shape))
     assert slope == pytest.approx(-STIFFNESS, rel=0.05)
     assert any(note.startswith("without the learned curve the mean") for note in found.notes)
     assert not any("seem" in note and "differ from run to run" in note for note in found.notes)

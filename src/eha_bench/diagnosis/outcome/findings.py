@@ -185,7 +185,8 @@ def _value_notes(model: Model, fit: Fit, numbers: Sequence[Sequence[str]]) -> li
             asked += " of both" if len(keys) == 2 else " of each"
         if all(abs(fit.vector[at] + was) < _OPPOSITE * abs(was) for at in places):
             asked += " (a channel on one side of it has the opposite sign, or it turns backward)"
-        names, is_, it = " and ".join(keys), *(("is", "it") if len(keys) == 1 else ("are", "them"))
+        names = " and ".join(keys)
+        is_, it = ("is", "it") if len(keys) == 1 else ("are", "them")
         said = f"{names} {is_} declared as {was:.4g} {parameter.unit}".rstrip()
         if parameter.assumed:
             note = f"{names} {is_} only assumed in the model; {asked}"
