@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from eha_bench.core.arrays import ComplexArray, FloatArray, IndexArray
 from eha_bench.core.signal import Sweep
@@ -79,6 +78,8 @@ def _spectrum(line: Timeline, values: FloatArray, window: slice) -> tuple[Comple
     count = time.size
     uniform = np.linspace(float(time[0]), float(time[-1]), count)
     if np.max(np.abs(uniform - time)) > 1e-3 * line.period:
+        from scipy.interpolate import CubicSpline  # slow to import
+
         data = CubicSpline(time, data)(uniform)
     step = (float(time[-1]) - float(time[0])) / (count - 1)
     return np.fft.rfft(data - data.mean()), 1.0 / (count * step)

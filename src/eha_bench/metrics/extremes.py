@@ -13,7 +13,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
-from scipy.signal import savgol_filter
 from scipy.special import ndtri
 
 from eha_bench.core.arrays import FloatArray
@@ -323,6 +322,8 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     inside = values[span]
     if inside.size < _PARABOLA:
         raise NotScored(reason)
+    from scipy.signal import savgol_filter  # slow to import
+
     smoothed = savgol_filter(inside, _PARABOLA, 2)
     away = smoothed - float(np.mean(before))
     value = float(smoothed[int(np.argmax(np.abs(away)))])

@@ -16,7 +16,6 @@ from functools import cache
 
 import numpy as np
 from scipy.ndimage import convolve1d
-from scipy.signal import savgol_coeffs
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.metrics.noise import Noise
@@ -49,6 +48,8 @@ class Smooth:
 @cache
 def _parabola(half: int) -> FloatArray:
     """Return the weights of a moving parabola over 2 half + 1 samples; they are asked for often."""
+    from scipy.signal import savgol_coeffs  # slow to import
+
     return np.asarray(savgol_coeffs(2 * half + 1, 2))
 
 

@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
 from eha_bench.core.arrays import ComplexArray, FloatArray, IndexArray
@@ -96,6 +95,8 @@ def _spectra(
     if fits and window.stop - window.start == used * count:
         data = values[window]
     else:
+        from scipy.interpolate import CubicSpline  # slow to import
+
         # periods that are not whole number of samples: the same spline on both sides of the ratio
         stamps = start + np.arange(used * count) * (period / count)
         near = slice(max(window.start - 3, 0), window.stop + 3)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.signal import fftconvolve, lfilter
 from scipy.special import stdtrit
 
 from eha_bench.core.arrays import FloatArray, IndexArray
@@ -118,6 +117,8 @@ class Noise:
                 pair = operator[:, lag:] @ operator[:, :-lag].T
                 total += float(lags[lag]) * (pair + pair.T)
             return LinearCovariance(total, white)
+        from scipy.signal import fftconvolve  # slow to import
+
         kernel = np.concatenate([lags[:0:-1], lags])
         blurred = fftconvolve(operator, kernel[None, :], axes=1)[:, lags.size - 1 :]
         total = operator @ blurred[:, : operator.shape[1]].T
@@ -341,6 +342,8 @@ def _burg(residuals: Sequence[FloatArray], count: int) -> FloatArray:
 
 def _correlation(coefficients: FloatArray) -> FloatArray:
     """Return the autocorrelation of an autoregression, until it has died out."""
+    from scipy.signal import fftconvolve, lfilter  # slow to import
+
     poles = np.abs(np.roots(np.concatenate([[1.0], -coefficients])))
     slowest = min(float(poles.max()), 0.999)
     length = min(_LONGEST, 8 + int(math.log(1e-4) / math.log(max(slowest, 0.1))))

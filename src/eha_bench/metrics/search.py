@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.signal import fftconvolve
 
 from eha_bench.core.arrays import FloatArray
 
@@ -23,6 +22,8 @@ def best_lag(
     Every overlap of at least half of the shorter one counts, weighted by its length, so that a
     recording may begin late or end early. `time` (n,) s must be nearly equidistant.
     """
+    from scipy.signal import fftconvolve  # slow to import
+
     count = max(round(duration / period), 2)
     wanted = signal(np.arange(count, dtype=np.float64) * period)
     if not np.all(np.isfinite(wanted)) or np.ptp(wanted) == 0.0:

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.note import Note
@@ -175,6 +174,8 @@ def _fit(step: StepResponse) -> SettlingTail:
 
 def _require_explained(rest: FloatArray, step: StepResponse) -> None:
     """Raise NotScored if more is left, over the length of the transit, than the noise leaves."""
+    from scipy.signal import savgol_coeffs, savgol_filter  # slow to import
+
     half = max(2, min(step.transit, (rest.size - 1) // 4))
     weights = savgol_coeffs(2 * half + 1, 2)
     expected = step.noise.variance(weights)

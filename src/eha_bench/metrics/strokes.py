@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget
@@ -29,7 +29,9 @@ _MIDDLE = 0.6  # share of the travel that is used: a reversal is none of the str
 _FEWEST = 20  # samples a stroke
 _PARTS = 10  # that a stroke is divided into to see whether it halts ...
 _HALTS = 5.0  # ... where one holds so many times as many samples as their median
-_UNLIKE = 0.999  # chi^2 quantile above which strokes scatter by more than their noise
+_UNLIKE = (
+    0.001  # probability by chance of a scatter from which strokes scatter by more than their noise
+)
 _FEWEST_ALIKE = 4  # strokes from which on their own scatter tells anything
 
 
@@ -197,7 +199,7 @@ def _between_strokes(rest: FloatArray, found: list[Stroke], noise: Noise) -> Bud
         return Budget()
     means = np.array([float(part.mean()) for part in _parts(rest, found)])
     expected = np.array([noise.variance_of_mean(s.stop - s.start) for s in found])
-    if not float(np.sum(means**2 / np.maximum(expected, 1e-300))) > chi2.ppf(_UNLIKE, freedom):
+    if not float(np.sum(means**2 / np.maximum(expected, 1e-300))) > chdtri(freedom, _UNLIKE):
         return Budget()
     variance = max(float(means @ means) / freedom - float(expected.mean()), 0.0)
     return type_a("strokes", variance / len(found), float(freedom))
