@@ -217,14 +217,14 @@ class Conclusion:
 
     def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
         """Note loads, masses or friction whose differences between runs explain it."""
-        differing = differing_parameters(self.base, self.search.excess_base)
+        explained = 0.0
+        if self.decision.learned and found.unknown is not None:
+            explained = found.unknown.share
+        if explained <= self.search.thresholds.nearly_all:
+            explained = 0.0
+        differing = differing_parameters(self.base, self.search.excess_base, explained)
         if differing is None:
             return found
-        if self.decision.learned and found.unknown is not None:
-            # what one curve explains in all runs does not differ between them
-            explained = found.unknown.share
-            if explained > max(differing.share, self.search.thresholds.nearly_all):
-                return found
         if found.unknown is not None and differing.is_all_of_it:
             # a curve would only imitate it
             if self.decision.learned:

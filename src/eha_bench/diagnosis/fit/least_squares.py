@@ -18,6 +18,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import SLOPES, Problem, soften
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.plants.layout import Layout
 
 _DIFFERENCE = 0.01
@@ -172,10 +173,10 @@ def jacobian(
     if problem.step < SLOPES and any(item.key not in known for item in free):
         problem = problem.at_step(SLOPES)
         base = problem.residual(vector)
-    columns = [
-        known[item.key] if item.key in known else _slope_of(problem, vector, item, base)
-        for item in free
-    ]
+    asked = [item for item in free if item.key not in known]
+    slopes = side_by_side(lambda item: _slope_of(problem, vector, item, base), asked)
+    found = dict(zip((item.key for item in asked), slopes, strict=True))
+    columns = [known[item.key] if item.key in known else found[item.key] for item in free]
     # column by column in memory: a hundred thousand rows are multiplied and updated that way
     return np.array(columns).T if columns else np.zeros((base.size, 0))
 

@@ -30,6 +30,8 @@ from eha_bench.plants.model import Model
 _PROMISED: Final = 0.05
 """Share of the residual that slopes promise, from which the parameters are fitted again: little, as
 windows begin where the readings are, and parameters that have bent take most of it."""
+_BESIDE: Final = 0.5
+"""Least that slopes promise, in what one curve for all runs explains where that is nearly all."""
 _NEARLY_ALL: Final = 0.9
 """Share that leaves nothing for another parameter to explain."""
 _ENOUGH: Final = 0.5
@@ -90,11 +92,15 @@ def _spread(runs: Mapping[str, float]) -> float:
     return (max(runs.values()) - min(runs.values())) / largest if largest > 0.0 else 0.0
 
 
-def differing_parameters(base: Baseline, missing: Excess) -> DifferingParameters | None:
+def differing_parameters(
+    base: Baseline, missing: Excess, explained: float = 0.0
+) -> DifferingParameters | None:
     """Return the parameters whose differences between runs explain what is missing, if any.
 
     Args:
         base: calibrated, with one value for all runs. missing: what is left beside it.
+        explained: share of it that goes with one curve for all runs, where that is nearly all: it
+            does not differ between them then, unless their differences explain more.
     """
     model = base.dataset.model
     if len({item.run.log for item in base.measured}) < 2:
@@ -108,11 +114,15 @@ def differing_parameters(base: Baseline, missing: Excess) -> DifferingParameters
     )
     groups = [*single, together] if together else single
     promised = _promised_shares(base, groups) if groups else {}
-    hopeful = [keys for keys in promised if promised[keys] >= _PROMISED]
+    least = max(_PROMISED, _BESIDE * explained)
+    hopeful = [keys for keys in promised if promised[keys] >= least]
     hopeful.sort(key=lambda keys: -promised[keys])
     alone = _found(base, missing, [keys for keys in hopeful if keys != together])
-    one = max(alone, key=lambda item: item.share, default=None)
-    return one or next(_found(base, missing, [keys for keys in hopeful if keys == together]), None)
+    found = max(alone, key=lambda item: item.share, default=None)
+    found = found or next(
+        _found(base, missing, [keys for keys in hopeful if keys == together]), None
+    )
+    return found if found is None or found.share >= explained else None
 
 
 def _found(

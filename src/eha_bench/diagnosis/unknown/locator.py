@@ -25,6 +25,7 @@ from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
+from eha_bench.diagnosis.fit.side_by_side import PROCESSORS, side_by_side
 from eha_bench.diagnosis.unknown.curves import Curves, LocatedCurve
 from eha_bench.diagnosis.unknown.free_input import KNOTS, FreeInput, Support
 from eha_bench.diagnosis.unknown.places import (
@@ -137,22 +138,29 @@ class Locator:
 
     def supported_places(self, progress: ProgressHook) -> list[SupportedPlace]:
         """Return every place that can act at all, the one with most support first."""
+        places = [
+            place
+            for place in places_of(self.plant)
+            if all(name in self.short.noise for name in place.sensors)
+        ]
         found: list[SupportedPlace] = []
-        places = places_of(self.plant)
-        for number, place in enumerate(places):
+        for number in range(0, len(places), PROCESSORS):
             progress("locate", number / len(places))
-            if not all(name in self.short.noise for name in place.sensors):
-                continue
-            size = usual_size(place, self.plant, self.short.noise, self.curves.span)
-            influence = self._influence(place, size)
-            if float(np.abs(influence).max()) > 1e-6:
-                found.append(self._support_of(place, size, influence))
+            several = side_by_side(self._supported, places[number : number + PROCESSORS])
+            found += [item for item in several if item is not None]
         own = set(self.plant.roles.volumes)
         volumes = [item for item in found if item.place.at in own]
         if len(volumes) > 1:
             together = np.hstack([item.influence for item in volumes])
             found.append(self._support_of(_VOLUMES, 1.0, together))
         return sorted(self._with_curves(found), key=lambda item: -item.support)
+
+    def _supported(self, place: SuspectPlace) -> SupportedPlace | None:
+        """Return a place with what speaks for it, None where it does not act at all."""
+        size = usual_size(place, self.plant, self.short.noise, self.curves.span)
+        influence = self._influence(place, size)
+        acts = float(np.abs(influence).max()) > 1e-6
+        return self._support_of(place, size, influence) if acts else None
 
     def _influence(self, place: SuspectPlace, size: float) -> FloatArray:
         """Return the change of the residual by the input's value at each instant, (N, KNOTS)."""
@@ -207,19 +215,20 @@ class Locator:
         if len({item.place.equation for item in race}) < 2:
             return found
         best: dict[tuple[str, str], tuple[SupportedPlace, Support, str]] = {}
-        for item in race:
-            predicted = self._predicted_curve(item)
+        for item, predicted in zip(race, side_by_side(self._predicted_curve, race), strict=True):
             key = item.place.equation, item.place.at
             # forms at one place differ little: only the better one's curve is simulated
             if predicted is not None and (key not in best or predicted[0].log > best[key][1].log):
                 best[key] = (item, *predicted)
-        simulated: dict[SuspectPlace, SupportedPlace] = {}
+        asked: list[tuple[SupportedPlace, Support, str]] = []
         counts: dict[str, int] = {}
-        for item, support, variable in best.values():
-            equation = item.place.equation
+        for rival in best.values():
+            equation = rival[0].place.equation
             if counts.get(equation, 0) < _RIVALS:
                 counts[equation] = counts.get(equation, 0) + 1
-                simulated[item.place] = self._with_curve(item, support, variable)
+                asked.append(rival)
+        curves = side_by_side(lambda rival: self._with_curve(*rival), asked)
+        simulated = {item.place: item for item in curves}
         return [simulated.get(item.place, item) for item in found]
 
     def _predicted_curve(self, item: SupportedPlace) -> tuple[Support, str] | None:
@@ -289,12 +298,16 @@ class Locator:
 
     def best_curves(self, offered: Sequence[SupportedPlace]) -> list[LocatedCurve]:
         """Return curves of one variable at some places, the one that explains most first."""
-        found = [
-            self.curves.best_curve(item.place, variable, item.influence, item.size)
+        asked = [
+            (item, variable)
             for item in offered
             for variable in item.place.variables
             if self.curves.varies(variable)
         ]
+        found = side_by_side(
+            lambda one: self.curves.best_curve(one[0].place, one[1], one[0].influence, one[0].size),
+            asked,
+        )
         found.sort(key=lambda located: -located.share)
         # a curve of the time can follow a little of anything
         telling = [
