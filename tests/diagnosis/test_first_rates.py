@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.data import first_rates as rates_module
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.data.first_rates import _rate, first_rates
 from eha_bench.diagnosis.diagnose import diagnose
@@ -129,3 +130,22 @@ def test_a_plant_without_inputs_needs_none_in_the_dataset(tmp_path: Path) -> Non
     path = logs(tmp_path, 0.1, 15)
     path.write_text(path.read_text().replace("inputs: []\n", ""))
     assert load_dataset(path).inputs == ()
+
+
+def test_readings_that_do_not_move_yet_begin_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A servo that is told to move in the first row: a polynomial has it swing back first."""
+    step = 2.0 * np.pi / 4096.0
+    # what a fast motion leaves of its second differences
+    monkeypatch.setattr(rates_module, "noise_of", lambda _: step)
+    ticks = np.array([0, 0, 11, 40, 73, 107, 136, 161, 182, 197, 208, 214])
+    stamps = [0.0, 20.0, 41.1, 61.6, 80.6, 100.5, 119.9, 139.9, 161.0, 181.3, 201.3, 220.0]
+    found = _rate(1e-3 * np.array(stamps), ticks * step)
+    assert found is None or abs(found.value) < 5.0 * found.spread
+
+
+def test_readings_that_move_from_the_first_one_on_begin_in_motion() -> None:
+    time = 0.02 * np.arange(40)
+    noise = 2e-4 * np.random.default_rng(2).standard_normal(time.size)
+    found = _rate(time, 0.9 * time + 0.4 * time**2 + noise)
+    assert found is not None
+    assert found.value == pytest.approx(0.9, abs=5.0 * found.spread)

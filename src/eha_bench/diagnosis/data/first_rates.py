@@ -12,8 +12,9 @@ by least squares over as many of them as it describes to within the noise,
 
 four standard deviations of a chi-square. Its standard deviation is that of the covariance
 sigma^2 (X^T X)^-1, with the change that a term in t^4 makes. A rate that is not clear of rest is
-none, nor is one that this term makes half as large: what begins at rest with a jolt has a slope by
-a polynomial of too few terms. Then a run begins at rest.
+none, nor is one that this term makes half as large, nor one of which the first two readings show
+less than half, where it would stand out of their noise: what begins at rest with a jolt has a slope
+by a polynomial of too few terms. Then a run begins at rest.
 
 Source: Savitzky, Golay, Anal. Chem. 36 (1964) 1627, doi:10.1021/ac60214a047.
 """
@@ -35,8 +36,10 @@ _FITS = 4.0
 """Standard deviations of a chi-square up to which it describes them."""
 _CLEAR = 5.0
 """Standard deviations from rest of a rate that is one."""
+_SHOWS = 3.0
+"""Standard deviations of the difference of two readings from which they show a rate."""
 _AGREES = 0.5
-"""Share of the slope that one more term has to leave."""
+"""Share of the slope that one more term has to leave, and that the first readings have to show."""
 
 
 class Rate(NamedTuple):
@@ -91,10 +94,19 @@ def _rate(time: FloatArray, values: FloatArray) -> Rate | None:
         further = float(_polynomial(since, told, _DEGREE + 1)[1][1])
         chance = noise * float(np.sqrt(np.linalg.inv(terms.T @ terms)[1, 1]))
         spread = float(np.hypot(chance, further - slope)) / since[-1]
-        if further * slope > _AGREES * slope**2:
+        if further * slope > _AGREES * slope**2 and _is_shown(
+            since, told, slope / since[-1], noise
+        ):
             # the most readings: the least spread of several is a lucky one
             found = Rate(slope / since[-1], spread)
     return found
+
+
+def _is_shown(since: FloatArray, values: FloatArray, rate: float, noise: float) -> bool:
+    """Whether the first two readings move as a rate lets them, or hide it in their noise."""
+    foreseen = rate * float(since[1] - since[0])
+    moved = float(values[1] - values[0])
+    return abs(foreseen) < _SHOWS * 2.0**0.5 * noise or moved * foreseen > _AGREES * foreseen**2
 
 
 def _polynomial(
