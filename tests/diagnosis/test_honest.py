@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -29,6 +30,7 @@ from eha_bench.diagnosis.outcome.beyond_training import beyond_training, uncheck
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.honest import (
     _against,
+    _in_no_such_machine,
     _part_of_a_form,
     _takes_from_belief,
     against_the_end,
@@ -337,25 +339,58 @@ def test_a_fit_on_its_way_far_above_the_noise_names_nothing(distance, left, hold
 
 
 @pytest.mark.parametrize(
-    ("with_it", "without_it", "is_refused"),
+    ("with_it", "without_it", "gain", "is_refused"),
     [
-        (0.50e6, 0.31e6, True),  # seven times what is given under `within`, and it need not be
-        (0.50e6, 0.49e6, False),  # the machine is not as it was declared, whatever is missing
-        (0.36e6, 0.31e6, False),  # not far
+        (0.50e6, 0.31e6, 60.0, True),  # seven times what is given under `within`, for nothing
+        (0.50e6, 0.49e6, 60.0, False),  # the machine is not as it was declared, anyway
+        (0.36e6, 0.31e6, 60.0, False),  # not far
+        (0.50e6, 0.15e6, 60.0, True),  # as far away without it, on the other side
+        (0.50e6, 0.31e6, 95.0, False),  # it leaves next to nothing: its law has another form
     ],
 )
 def test_an_effect_that_takes_a_parameter_far_from_what_is_believed(
-    with_it: float, without_it: float, is_refused: bool
+    with_it: float, without_it: float, gain: float, is_refused: bool
 ) -> None:
     """All pressures read too low, in trade for a reservoir that is charged by as much more."""
     belief = Belief("gas.precharge", 0, 0.3e6, 0.03e6 / 3.0**0.5)
     layout = SimpleNamespace(units_at=lambda _vector: {"gas.precharge": "Pa"})
     problem = SimpleNamespace(beliefs=[belief], plant=SimpleNamespace(layout=layout))
-    search = SimpleNamespace(problem=problem, fit=SimpleNamespace(vector=[with_it]))
-    reason = _takes_from_belief(search, SimpleNamespace(vector=[without_it]))
+    search = SimpleNamespace(
+        problem=problem,
+        fit=SimpleNamespace(vector=[with_it], cost=10.0),
+        thresholds=DEFAULT,
+        excess_base=SimpleNamespace(total=100.0),
+    )
+    refit = SimpleNamespace(vector=[without_it], cost=10.0 + gain)
+    reason = _takes_from_belief(search, refit)
     assert bool(reason) is is_refused
     if is_refused:
-        assert "gas.precharge is 5e+05 Pa, without it 3.1e+05 Pa" in reason
+        assert f"gas.precharge is 5e+05 Pa, without it {without_it:.2g} Pa" in reason
+
+
+@pytest.mark.parametrize(
+    ("values", "unexplained", "refused"),
+    [
+        ([3.0, 5.0, 1.1], True, True),  # two of three, and something is left
+        ([3.0, 5.0, 1.1], False, False),  # declared by guesses: all is explained
+        ([3.0, 1.2, 1.1], True, False),  # one number that was declared wrongly
+    ],
+)
+def test_causes_with_which_hardly_a_parameter_is_near_belief(
+    values: list[float], unexplained: bool, refused: bool
+) -> None:
+    beliefs = [Belief(f"part.{k}", k, 1.0, 0.1 / 3.0**0.5) for k in range(3)]
+    units = {item.key: "SI" for item in beliefs}
+    layout = SimpleNamespace(units_at=lambda _vector: units)
+    search = SimpleNamespace(
+        problem=SimpleNamespace(beliefs=beliefs, plant=SimpleNamespace(layout=layout)),
+        is_unexplained=unexplained,
+    )
+    reason = _in_no_such_machine(search, np.array(values))
+    assert bool(reason) is refused
+    if refused:
+        assert "2 of 3 parameters are far" in reason
+        assert "part.1 5 for 1 SI" in reason
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import exp, isfinite, isnan, log, sqrt
+from math import copysign, exp, isfinite, isnan, log, sqrt
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
@@ -73,12 +73,8 @@ def _dropped(search: Search) -> list[Refusal]:
         if not reason and (other := _of_its_kind(search, item)):
             refit = refit or without(search, item)
             reason = _form_of(search, other, refit)
-        if (
-            not reason
-            and len(search.effects) > 1
-            and contradicted(search.problem.beliefs, search.fit.vector, FAR)
-        ):
-            refit = refit or without(search, item)
+        if not reason and contradicted(search.problem.beliefs, search.fit.vector, FAR):
+            refit = refit or (without(search, item) if len(search.effects) > 1 else search.base)
             reason = _takes_from_belief(search, refit)
         if reason:
             refused.append(Refusal(item, reason))
@@ -184,6 +180,7 @@ def _beyond(search: Search, item: Accepted, vector: FloatArray) -> str:
         or below_reading(search, item.start, vector)
         or _beyond_belief(search, item, vector)
         or _part_of_a_law(search, item, vector)
+        or _in_no_such_machine(search, vector)
     )
 
 
@@ -346,22 +343,46 @@ def _takes_from_belief(search: Search, refit: Fit) -> str:
     """Say which parameter an effect takes far from what is believed of it, or nothing.
 
     What two can only do together is a trade: all pressures read too low, and a reservoir charged by
-    as much more than it was declared to be.
+    as much more than it was declared to be. So is what takes a parameter as far away as before, on
+    the other side: iron that saturates, of a motor that warms up. What explains nearly all by
+    itself is there, whatever its law leaves to the parameters.
 
     Args:
         search: with the effect. refit: without it.
     """
-    beliefs = search.problem.beliefs
-    free = {belief.key for belief in contradicted(beliefs, refit.vector, _NEAR)}
-    for belief in contradicted(beliefs, search.fit.vector, FAR):
-        if belief.key not in free:
+    if refit.cost - search.fit.cost >= search.thresholds.nearly_all * search.excess_base.total:
+        return ""
+    for belief in contradicted(search.problem.beliefs, search.fit.vector, FAR):
+        now, then = (float(fit.vector[belief.at]) for fit in (search.fit, refit))
+        side = copysign(1.0, now - belief.value)
+        if side * (then - belief.value) <= _NEAR * belief.within:
             unit = search.problem.plant.layout.units_at(search.fit.vector)[belief.key]
-            now, then = (float(fit.vector[belief.at]) for fit in (search.fit, refit))
             return (
                 f"with it, {belief.key} is {now:.4g} {unit}, without it {then:.4g} {unit}, and "
                 f"{belief.value:.4g} {unit} is what is believed of it"
             )
     return ""
+
+
+def _in_no_such_machine(search: Search, vector: FloatArray) -> str:
+    """Say that a fit with causes leaves hardly a number near what is believed of it, or nothing.
+
+    Where these leave something as well, they only imitate it together with the parameters: a servo
+    whose reference moves at most so fast, as a soft joint with an eccentric encoder and 20 times
+    the friction. What leaves nothing may be of a machine that was declared by guesses.
+    """
+    beliefs = search.problem.beliefs
+    far = contradicted(beliefs, vector, FAR)
+    if len(far) < 2 or 2 * len(far) <= len(beliefs) or not search.is_unexplained:
+        return ""
+    units = search.problem.plant.layout.units_at(vector)
+    values = ", ".join(
+        f"{item.key} {vector[item.at]:.4g} for {item.value:.4g} {units[item.key]}" for item in far
+    )
+    return (
+        f"with it, {len(far)} of {len(beliefs)} parameters are far from what is believed of them "
+        f"({values}), and something is missing still: they imitate it together"
+    )
 
 
 def _deepen_base(search: Search) -> None:
