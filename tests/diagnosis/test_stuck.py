@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
+from eha_bench.diagnosis.data.noise import quantum_of, sharp_noise_of
 from eha_bench.diagnosis.data.stuck import stuck
 
 TIME = np.arange(0.0, 8.0, 1e-3)
@@ -44,6 +47,35 @@ def test_a_speed_that_drops_out_to_nothing_does_not() -> None:
 
 def _quantised(values: np.ndarray, step: float) -> np.ndarray:
     return np.rint(values / step) * step
+
+
+def _from_rest_to_rest() -> np.ndarray:
+    """Return what a servo's encoder reads at 50 Hz, in its steps: eight steps of 1.2 s each."""
+    time = 0.02 * np.arange(60)
+    levels = [0.0, 261.0, 522.0, 130.0, -196.0, -391.0, 65.0, 98.0, 326.0]
+    return np.concatenate(
+        [
+            # after a push of friction it creeps on by one step
+            np.rint(now + (was - now) * np.exp(-time / 0.06)) + (time > 0.5)
+            for was, now in pairwise(levels)
+        ]
+    )
+
+
+def test_a_servo_that_rests_at_every_level_is_no_stuck_sensor() -> None:
+    read = _from_rest_to_rest()
+    step = quantum_of(read)
+    assert step == 1.0  # most of the levels between are never read
+    assert not stuck(read, step, sharp_noise_of(read)).any()
+
+
+def test_a_noisy_sensor_that_freezes_at_three_levels_is_stuck() -> None:
+    wide = np.random.default_rng(1).standard_normal(480)
+    read = np.rint(_from_rest_to_rest() + 2.0 * wide)
+    for first in (70, 190, 310):
+        read[first : first + 45] = read[first]
+    found = stuck(read, quantum_of(read), sharp_noise_of(read))
+    assert all(found[first : first + 45].all() for first in (70, 190, 310))
 
 
 def test_a_machine_that_stalls_is_no_stuck_sensor() -> None:

@@ -30,6 +30,9 @@ _FEW_STEPS = 0.5
 """Step of the resolution, in the noise, from which differences come in a few steps only."""
 _CORRELATED = 2.31
 """Third differences that are worth one: of white noise they correlate by -0.75, 0.3, -0.05."""
+_SLOW = 3.0
+"""Most steps of the resolution from sample to sample of what moves slowly."""
+_FEWEST_SLOW = 8
 _FEWEST_LEVELS = 3
 _MANY_LEVELS = 32
 """Levels from which readings were not set to each of them."""
@@ -84,14 +87,21 @@ def sharp_noise_of(values: FloatArray) -> float:
     """Return what a channel's readings flicker by, in its unit, without what its step may hide.
 
     The median of absolute third differences over stretches that move at all: 0 where readings
-    stand still for as long as nothing moves.
+    stand still for as long as nothing moves. Where a step shows, over those that move by few of
+    them, if there are any: what a servo moves by within 20 ms does not vanish in differences.
 
     Args:
         values: (n,), NaN where nothing was measured.
     """
-    third = np.diff(values, 3)
-    moves = np.diff(values)[1:-1] != 0.0
-    third = third[np.isfinite(third) & moves] if moves.any() else third[np.isfinite(third)]
+    third, moves = np.diff(values, 3), np.abs(np.diff(values))
+    known = np.isfinite(third)
+    own = np.stack([moves[:-2], moves[1:-1], moves[2:]])[:, known]
+    third, most = third[known], own.max(axis=0, initial=0.0)
+    slow = (most > 0.0) & (most <= _SLOW * quantum_of(values))
+    if np.count_nonzero(slow) >= _FEWEST_SLOW:
+        third = third[slow]
+    elif own.any():
+        third = third[own[1] > 0.0]
     return _usual(third) if third.size else 0.0
 
 
@@ -148,8 +158,10 @@ def _usual(third: FloatArray) -> float:
 def quantum_of(values: FloatArray) -> float:
     """Return the step in which a channel is quantised (0 where no step shows).
 
-    Levels that differ by no more than rounding to single precision are one. Where hardly any level
-    comes twice (a fine encoder that moves on), a step shows if all levels are multiples of it.
+    Levels that differ by no more than rounding to single precision are one. A step shows if all
+    levels are multiples of it: what jumps from rest to rest comes by few of the levels between, and
+    a fine encoder that moves on hardly comes twice by one. Where levels come twice for another
+    reason (a channel that is held between its samples), it is what they differ by in the median.
     """
     levels = np.unique(values[np.isfinite(values)])
     if levels.size < _FEWEST_LEVELS:
@@ -159,12 +171,10 @@ def quantum_of(values: FloatArray) -> float:
     steps = steps[steps > rounding]
     if steps.size < _FEWEST_LEVELS - 1:
         return 0.0
-    if steps.size < values.size / 2:
-        return float(np.median(steps))
     least = float(np.quantile(steps, _LEAST))
     for part in range(1, _PARTS + 1):
         step = least / part
         beside = np.abs(steps / step - np.rint(steps / step))
         if step > _COARSE * rounding and float(np.quantile(beside, 0.9)) < _WHOLE:
             return step
-    return 0.0
+    return float(np.median(steps)) if steps.size < values.size / 2 else 0.0

@@ -14,6 +14,10 @@ _NEVER = 1e-6
 """Expected number of stretches in a run from which one is none of chance."""
 FLICKERS = 0.5
 """Noise, in steps of the resolution, up to which a reading may rest."""
+_CREEPS = 0.8
+"""The same of one that stood still at several levels: what creeps by single steps has 0.66."""
+_RESTS = 3
+"""Levels from which standing still is what a machine does that moves from rest to rest."""
 _BENDS = 0.3
 """Share of the steepest step next to an end that its nearest steps have where it is cut."""
 _ABRUPT = 1.5
@@ -27,7 +31,8 @@ def stuck(raw: FloatArray, resolution: float, noise: float = np.inf) -> BoolArra
     """Return the samples in stretches of equal values that this channel's noise makes impossible.
 
     Forty are enough where noise would have moved the reading; where it is finer than the
-    resolution, a machine that stalls, or rests at a stop, reads the same for as long as it does.
+    resolution, a machine that stalls, rests at a stop, or moves from rest to rest, reads the same
+    for as long as it does.
     Fewer are where by chance no stretch of this length would come, and the signal itself did not
     rest: when it was let go it had gone on (latched), or it ran into the same end of its range and
     left it as it came (clipped), at least twice or for long; all that reads this end is clipped
@@ -50,7 +55,8 @@ def stuck(raw: FloatArray, resolution: float, noise: float = np.inf) -> BoolArra
     common = outside / others if others else 1.0
     if others < _STUCK or common > _COMMON:
         return mask
-    may_rest = noise <= FLICKERS * resolution
+    levels = np.unique(raw[starts[long]]).size
+    may_rest = noise <= (_CREEPS if levels >= _RESTS else FLICKERS) * resolution
     by_chance = np.log(_NEVER / raw.size) / np.log(max(common, 1.0 / raw.size))
     ends = {float(np.nanmin(raw)), float(np.nanmax(raw))}
     coarse = _ABRUPT * resolution

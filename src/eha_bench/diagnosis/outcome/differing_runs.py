@@ -32,7 +32,7 @@ _PROMISED: Final = 0.05
 windows begin where the readings are, and parameters that have bent take most of it."""
 _BESIDE: Final = 0.5
 """Least that slopes promise, in what one curve for all runs explains where that is nearly all."""
-_NEARLY_ALL: Final = 0.9
+_NEARLY_ALL: Final = 0.8
 """Share that leaves nothing for another parameter to explain."""
 _ENOUGH: Final = 0.5
 """Share of what is missing that goes, from which the runs differ."""

@@ -51,6 +51,8 @@ _FORMS = 3
 """Starts of a promising candidate whose settings are moved."""
 _MOSTLY = 0.3
 """Share of the excess that may be left before effects of the shaft's angle are worth a scan."""
+_WORST = -1.0
+"""Least share that is told of what makes the error larger."""
 _LEAST_EXCESS = 30.0
 """Least excess, in cost, that is."""
 _HALF, _NEARLY_ALL = 0.5, 0.98
@@ -291,7 +293,8 @@ def _ranking(
     lines = [
         RankedCandidate(
             item.candidate,
-            min(item.comparison.share, item.comparison.share_out),
+            # what is far worse has no share
+            max(min(item.comparison.share, item.comparison.share_out), _WORST),
             item.comparison.p_value,
             item.fit.cost,
             best[item.candidate].gain if item.candidate in best else item.comparison.gain,

@@ -32,10 +32,14 @@ from eha_bench.plants.parameter import Parameter
 _INF = math.inf
 _AREA_A = Parameter("area_a", "m^2", 1e-3, 1e-9, _INF, "A_a", drawn=True)
 _AREA_B = Parameter("area_b", "m^2", 1e-3, 1e-9, _INF, "A_b", drawn=True)
-_VOLUME_A = Parameter("volume_a", "m^3", 1e-4, 1e-12, _INF, "V_a0", "at position 0")
-_VOLUME_B = Parameter("volume_b", "m^3", 1e-4, 1e-12, _INF, "V_b0", "at position 0")
-_DEAD_A = Parameter("dead_volume_a", "m^3", 1e-5, 1e-12, _INF, "", "with the rod all in")
-_DEAD_B = Parameter("dead_volume_b", "m^3", 1e-5, 1e-12, _INF, "", "with the rod all out")
+_VOLUME_A = Parameter("volume_a", "m^3", 1e-4, 1e-12, _INF, "V_a0", "at position 0", drawn=True)
+_VOLUME_B = Parameter("volume_b", "m^3", 1e-4, 1e-12, _INF, "V_b0", "at position 0", drawn=True)
+_DEAD_A = Parameter(
+    "dead_volume_a", "m^3", 1e-5, 1e-12, _INF, "", "with the rod all in", drawn=True
+)
+_DEAD_B = Parameter(
+    "dead_volume_b", "m^3", 1e-5, 1e-12, _INF, "", "with the rod all out", drawn=True
+)
 
 # the share of a chamber's volume that is always left
 _LEFT = 0.02
