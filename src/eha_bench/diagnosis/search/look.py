@@ -61,6 +61,8 @@ _FORESEEN = 5.0
 """Multiple of what one more step is predicted to gain that a fit in a long valley may gain."""
 _SHORT = 0.3
 """Share of what is enough to be added, from which a rough refit may come to it in the end."""
+_ARRIVED = 0.8
+"""Share of what is enough to be added that a refit has which may come to it by its last steps."""
 _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
@@ -210,11 +212,13 @@ def _refit_promising(
 def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
     order = _arrived(search, finals)
+    if not order or not _may_be_enough(search, order[0]):
+        return order
     least = _least_of_close(search, order)
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
     close = [t for t in close if t is order[0] or not _is_beaten(search, t, order[0])]
     if len(close) < 2:
-        return [_with_its_shape(search, order[0]), *order[1:]] if order else []
+        return [_with_its_shape(search, order[0]), *order[1:]]
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
     done = [replace(t, fit=polish_to_the_bottom(search, t.fit, [t.start])) for t in close]
@@ -270,7 +274,22 @@ def _least_of_hopeful(search: Search) -> float:
     limits, missing = search.thresholds, search.excess_left
     if not (search.effects or limits.has_structure(missing)):
         return 0.0
-    return _SHORT * limits.least_share(missing) * missing.total
+    return _SHORT * _needed_share(search) * missing.total
+
+
+def _may_be_enough(search: Search, best: Refit) -> bool:
+    """Whether a refit that has arrived may yet be enough to be added beside what was."""
+    needed = _needed_share(search) * search.excess_left.total
+    return not search.effects or search.fit.cost - best.fit.cost > _ARRIVED * needed
+
+
+def _needed_share(search: Search) -> float:
+    """Return the share of what is missing that a candidate has to take to be added."""
+    limits = search.thresholds
+    if search.effects and search.share_left < limits.little:
+        # what takes less of so little is the form of what is there
+        return limits.beside
+    return limits.least_share(search.excess_left)
 
 
 def _with_its_shape(search: Search, trial: Refit) -> Refit:

@@ -45,7 +45,7 @@ def run(search: Search, progress: ProgressHook) -> None:
             review(search)
             if _is_elsewhere(search, as_found):
                 _grow(search, progress)
-    if search.is_unexplained and not (search.is_all_but_a_form or search.pairs_tried):
+    if search.is_unexplained and not (_are_all_but_their_forms(search) or search.pairs_tried):
         progress("search", 0.9)
         search.pairs_tried = True
         kept = search.snapshot()
@@ -87,6 +87,15 @@ def _grow(search: Search, progress: ProgressHook) -> None:
         if _is_nearly_explained(search):
             # what is left of what was nearly explained is more likely a wrong form than a new cause
             exchange(search)
+
+
+def _are_all_but_their_forms(search: Search) -> bool:
+    """Whether no other two effects are worth looking for: what is left is more likely a form.
+
+    Two that were found one after the other leave more of it than one does.
+    """
+    several = len(search.effects) > 1 and search.share_left < search.thresholds.little
+    return several or search.is_all_but_a_form
 
 
 def _is_elsewhere(search: Search, before: Search) -> bool:
