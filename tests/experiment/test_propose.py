@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -191,6 +192,21 @@ def test_no_experiment_is_shorter_than_a_second(tmp_path: Path):
     found = eb.next_experiment(folder, budget=3.0, within=0.2)
     assert found.ending is ProposalEnding.PROPOSED
     assert found.bench_seconds >= 1.0
+
+
+def test_no_parameter_is_narrowed_while_something_has_no_name(tmp_path: Path):
+    """A motor that warms up: better known friction tells nothing of it."""
+    curve = replace(rival(*LAG, share=0.3), cause="learned of time")
+    folder = write_question(tmp_path, [curve])
+    file = folder / "diagnosis.json"
+    described = "something acts in the actuation balance, at motor, and depends on time"
+    unknown = {"equation": "actuation", "description": described, "variables": ["time"]}
+    content = json.loads(file.read_text()) | {"verdict": "unknown", "unknown": unknown}
+    file.write_text(json.dumps(content | {"complete": True}))
+    found = eb.next_experiment(folder)
+    assert found.ending is ProposalEnding.NONE_PERMITTED
+    assert described in found.sentence
+    assert "declare what the plant lacks there" in found.sentence
 
 
 def test_a_warning_of_the_diagnosis_is_not_kept_back(tmp_path: Path):

@@ -250,16 +250,16 @@ class _Planner:
                 f"{question.no_interval}: log more channels, or declare what the plant lacks, and "
                 "run `eha-bench diagnose` again"
             )
-        if self._worst(self.rivals[0].covariance) > self.within:
-            return ""
-        if not question.complete:
-            return "the diagnosis was interrupted: run `eha-bench diagnose` again"
-        if question.unnamed:
+        if question.unnamed and question.complete:
+            # better known parameters tell nothing of it
             return (
                 f"what is missing has no name yet, and no rival that an experiment could tell from "
                 f"it: {question.unnamed}; declare what the plant lacks there, or log more "
                 "channels, and run `eha-bench diagnose` again"
             )
+        known = self._worst(self.rivals[0].covariance) <= self.within
+        if known and not question.complete:
+            return "the diagnosis was interrupted: run `eha-bench diagnose` again"
         return ""
 
     def _why_nothing_open(self) -> str:
