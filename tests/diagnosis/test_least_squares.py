@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.fit.least_squares import Free, levenberg_marquardt
+from eha_bench.diagnosis.fit.least_squares import Free, _vector_after, levenberg_marquardt
 
 
 class Weight:
@@ -60,3 +60,13 @@ def test_what_has_arrived_tries_no_more_steps_than_it_did():
     # one residual, two for the slopes, and at most four steps
     assert problem.asked <= 7
     assert again.cost == pytest.approx(first.cost, abs=1.0)
+
+
+def test_a_step_to_a_bound_ends_there_and_not_a_rounding_away() -> None:
+    """From 1e-16 on no step has a size, and a slope by such steps is one of 1e53."""
+    free = [Free("creep", 0, 0.0, 10.0, 0.3), Free("mass", 1, 0.0, 5.0, 0.1)]
+    vector = np.array([0.9, 4.3])
+    assert 0.9 + (0.0 - 0.9) / 0.3 * 0.3 > 0.0
+    after = _vector_after(vector, free, np.array([(0.0 - 0.9) / 0.3, (5.0 - 4.3) / 0.1]))
+    assert after.tolist() == [0.0, 5.0]
+    assert _vector_after(vector, free, np.array([-1.0, 1.0])).tolist() == pytest.approx([0.6, 4.4])

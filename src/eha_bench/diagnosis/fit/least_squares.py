@@ -41,6 +41,8 @@ _PROMISING = 30.0
 """Fall of the cost that a step promises from which shorter ones are tried, if it leads nowhere."""
 _SHORT = 0.3
 """Damping of the first of these."""
+_AT_BOUND = 1e-9
+"""Distance from a bound, in a change that matters, that is a rounding."""
 _NONSENSE = 10.0
 """Size of that change, in residuals, from which it does not."""
 
@@ -375,10 +377,18 @@ class _Descent:
 
 
 def _vector_after(vector: FloatArray, free: Sequence[Free], step: FloatArray) -> FloatArray:
-    """Return a vector after a step, inside its bounds."""
+    """Return a vector after a step, inside its bounds and at those that it has come to.
+
+    A step to a bound misses it by a rounding; steps from there have no size, and slopes no meaning.
+    """
     trial = vector.copy()
     for item, move in zip(free, step, strict=True):
-        trial[item.at] = min(max(trial[item.at] + move * item.scale, item.low), item.high)
+        value, near = trial[item.at] + move * item.scale, _AT_BOUND * item.scale
+        if value <= item.low + near:
+            value = item.low
+        elif value >= item.high - near:
+            value = item.high
+        trial[item.at] = value
     return trial
 
 
