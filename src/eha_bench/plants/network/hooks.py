@@ -19,6 +19,8 @@ CONDUCTANCES = "conductances"
 _CONDUCTANCE = re.compile(r"(link|ground|[a-z_]+_slope):")
 _OF_EFFECT = re.compile(r"@([a-z_]+\.[a-z_]+)")
 _OWN = "own"
+POSITION_LOOP = "position_loop"
+"""The role of a controller inside the plant, which is given a reference."""
 
 
 @dataclass(frozen=True)
@@ -153,13 +155,25 @@ class Hooks:
         """Return the lines that move the effects' own states on by a time `h`."""
         return self._states_lines("advance", self._order)
 
-    def remember(self, what: str = "advance") -> list[str]:
-        """Return the lines that `advance` or `start` states that follow from commands alone."""
-        return self._states_lines(what, [item for item in self._order if item.action.remembers])
+    def remember(self, what: str = "advance", of_loops: bool = False) -> list[str]:
+        """Return the lines that `advance` or `start` states that follow from commands alone.
 
-    def is_remembering(self) -> str:
+        Args:
+            what: which. of_loops: those that follow from what controllers inside the plant are
+                asked for, and not from what drives are.
+        """
+        return self._states_lines(what, self._remembering(of_loops))
+
+    def _remembering(self, of_loops: bool) -> list[BoundEffect]:
+        return [
+            item
+            for item in self._order
+            if item.action.remembers and (item.role == POSITION_LOOP) is of_loops
+        ]
+
+    def is_remembering(self, of_loops: bool = False) -> str:
         """Return the test for any effect whose states follow from commands alone."""
-        remembering = (item for item in self._order if item.action.remembers)
+        remembering = self._remembering(of_loops)
         tests = {self._guard(effect, spot) for effect in remembering for spot in effect.spots}
         return " or ".join(f"({test})" for test in sorted(tests))
 

@@ -242,7 +242,7 @@ class NetworkPlant(Plant):
 
     @property
     def _first_memory(self) -> int:
-        return len(self.system.signals) + 2 * len(self.system.loops)
+        return self.system.memory
 
     @cached_property
     def compiled(self) -> ModuleType:

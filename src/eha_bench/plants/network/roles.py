@@ -15,6 +15,7 @@ from eha_bench.core.near_miss import suggest
 from eha_bench.plants.effect import Effect, Equation, Hook, Spot
 from eha_bench.plants.network.channels import facing_volumes, places_of_states
 from eha_bench.plants.network.element import Friction, NodeKind
+from eha_bench.plants.network.hooks import POSITION_LOOP
 from eha_bench.plants.network.network import UNITS
 from eha_bench.plants.network.rigid_joint import rigid_joints
 from eha_bench.plants.network.system import (
@@ -478,6 +479,56 @@ def _usual_command(system: System, column: PlantInput, part: BoundElement) -> fl
         if 0.0 < limit < 1e3:
             return limit
     return 10.0
+
+
+def _position_loop(system: System) -> Iterator[Spot]:
+    """A position loop inside a drive or a smart servo, which is given a reference."""
+    for name, (part, loop, driven, command) in system.loops.items():
+        place = system.signals[f"{name}.{loop.reference}"]
+        if not any(c.part is part and c.signal == place for c in system.columns):
+            continue
+        column = system.columns[system.column_for(driven, command)]
+        node = part.element.ports[loop.reads]
+        units = UNITS[system.network.nodes[node].kind]
+        full = _usual_command(system, column, driven)
+        # the error of which it asks for all that its drive gives
+        error = full / (_gain_of_loop(system, name) or full)
+        yield Spot(
+            name,
+            Equation.ACTUATION,
+            {
+                "reference": (Hook(f"reference:{name}"),),
+                "loop_command": (Hook(f"loop_command:{name}"),),
+            },
+            {
+                "asked": f"S[{place}]",
+                "error": f"S[{system.loop_error(name)}]",
+                "t": "S[1]",
+            },
+            {"command": column.unit, "position": units["position"], "speed": units["speed"]},
+            {"command": full, "position": error, "speed": _top_speed(system, driven, node)},
+            also=(node,),
+            motion=_motion_channels(system, system.leader_of(node)),
+        )
+
+
+def _gain_of_loop(system: System, loop: str) -> float:
+    """Return what a position loop asks for, by what its position is off; 0 where it has no gain."""
+    cascade = _default(system, loop, "position_gain") * _default(system, loop, "velocity_gain")
+    return cascade or _default(system, loop, "proportional")
+
+
+def _top_speed(system: System, motor: BoundElement, node: str) -> float:
+    """Return about the largest speed of a node that a motor drives, m/s or rad/s."""
+    own = motor.element.ports["on"]
+    constant = _default(system, motor.name, "torque_constant") or _default(
+        system, motor.name, "force_constant"
+    )
+    supply = _default(system, motor.name, "supply_voltage") or 12.0
+    turns = _ratio(system, own) / (_ratio(system, node) or 1.0)
+    if _is_voltage_driven(motor) and constant and turns:
+        return supply / (constant * turns)
+    return 1.0 if system.network.nodes[node].kind is NodeKind.TRANSLATION else 10.0
 
 
 def _valve(system: System) -> Iterator[Spot]:
@@ -1150,6 +1201,7 @@ _ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
     "motor_drive": _motor_drive,
     "voltage_drive": _voltage_drive,
     "valve_drive": _valve_drive,
+    POSITION_LOOP: _position_loop,
     "valve": _valve,
     "volume": _volume,
     "chamber": _chamber,

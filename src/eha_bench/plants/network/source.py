@@ -58,7 +58,8 @@ class _Asked(NamedTuple):
 
     Attributes:
         reference: number of the column that it follows. of: number and column of the command.
-        reading, speed: of what it controls. period: s. command: by its law.
+        reading, speed: of what it controls. period: s.
+        lines: those that work out its law. command: by its law.
     """
 
     reference: int
@@ -66,6 +67,7 @@ class _Asked(NamedTuple):
     reading: str
     speed: str
     period: str
+    lines: list[str]
     command: str
 
 
@@ -732,6 +734,10 @@ class Writer:
             begin = self.hooks.remember("start")
             self.function("forget_commands", "t, X, P, S, Y", begin)
             self.function("remember_commands", "h, t, X, P, S, Y", self.hooks.remember())
+        if kept := self.hooks.remember(of_loops=True):
+            begin = self.hooks.remember("start", of_loops=True)
+            self.function("forget_references", "t, X, P, S, Y", begin)
+            self.function("remember_references", "h, t, X, P, S, Y", kept)
         start = [*self._locals(), *self._show_y()]
         for part in system.parts.values():
             for item in part.anatomy.signals:
@@ -912,6 +918,7 @@ class Writer:
         measured = {signal: column for column, signal in self._imposable()}
         if self.hooks.remember():
             lines += self._forgotten("max(first - 1, 0)")
+        lines += self._references_begin()
         for number, column in self._commands:
             assert column.command is not None
             assert column.part is not None
@@ -923,6 +930,7 @@ class Writer:
                 lines += self._asked_lines(number, column, at)
                 lines.append(f"S[{column.signal}] = asked{number}")
         lines += self._loops_begin()
+        lines += self._references_go_on()
         lines.append("start_signals(t, X, P, S, Y)")
         for column_, signal in self._imposable():
             name = next(key for key, place in system.signals.items() if place == signal)
@@ -984,11 +992,54 @@ class Writer:
         lines += [f"    {'    ' * remembered}{line}" for line in step]
         return lines
 
+    def _references_begin(self) -> list[str]:
+        """Lines that bring what follows from references to the tick before the first one."""
+        if not self.hooks.remember(of_loops=True):
+            return []
+        return [
+            f"if {self.hooks.is_remembering(of_loops=True)}:",
+            *(f"    {line}" for line in self._show_y()),
+            *(f"    {line}" for line in self._references_at("0")),
+            "    forget_references(t, X, P, S, Y)",
+            "    for k in range(first - 1):",
+            *(f"        {line}" for line in self._reference_moves()),
+        ]
+
+    def _references_go_on(self) -> list[str]:
+        """Lines that bring what follows from references to the first tick."""
+        if not self.hooks.remember(of_loops=True):
+            return []
+        return [
+            f"if {self.hooks.is_remembering(of_loops=True)}:",
+            "    for k in range(max(first - 1, 0), first):",
+            *(f"        {line}" for line in self._reference_moves()),
+            *(f"    {line}" for line in self._references_at("first")),
+        ]
+
+    def _reference_moves(self) -> list[str]:
+        """Lines that move on what follows from references over tick `k`."""
+        return [
+            *self._references_at("k"),
+            "remember_references(times[k + 1] - times[k], t, X, P, S, Y)",
+        ]
+
+    def _references_at(self, row: str) -> list[str]:
+        """Lines that show the effects what controllers are asked for at a row of the inputs."""
+        followed = [
+            (number, column)
+            for number, column in enumerate(self.system.columns)
+            if self.system.is_followed(column)
+        ]
+        return [
+            f"S[{column.signal}] = {self._input(number, column, row, None)}"
+            for number, column in followed
+        ]
+
     def _loop_lines(self) -> list[str]:
         """Lines of the controllers inside the plant, once a tick."""
         lines = []
         for name in self.system.loops:
-            asked = self._asked_by(name, "k", "slope")
+            asked = self._asked_by(name, "k", "speed")
             if asked is None:
                 continue
             before, older = f"S[{self._memory_of(name, 0)}]", f"S[{self._memory_of(name, 1)}]"
@@ -999,7 +1050,8 @@ class Writer:
                 "    if k == first and fresh:",
                 f"        {before} = reading - {asked.period} * {asked.speed}",
                 f"        {older} = {before} - {asked.period} * {asked.speed}",
-                f"    slope = (reading - {older}) / (2.0 * {asked.period})",
+                f"    speed = (reading - {older}) / (2.0 * {asked.period})",
+                *(f"    {line}" for line in asked.lines),
                 f"    inputs[k, {asked.of[0]}] = {asked.command}",
                 # a last moment is read again where a session goes on
                 "    if k < last:",
@@ -1025,6 +1077,7 @@ class Writer:
                     f"    speed = {asked.speed}",
                     # a period ago
                     f"    reading = {asked.reading} - {asked.period} * speed",
+                    *(f"    {line}" for line in asked.lines),
                     *(f"    {line}" for line in self._asked_lines(*asked.of, asked.command)),
                     f"    S[{asked.of[1].signal}] = asked{asked.of[0]}",
                     # what is delayed looks back at it
@@ -1061,9 +1114,19 @@ class Writer:
             return None
         reference, period = own[loop.reference][0], system.parameter(part.name, loop.period)
         assert period is not None
+        followed, lines = f"inputs[{row}, {reference}]", []
+        known = ("reading", "period", "speed")
+        by_reference, by_command = f"reference:{part.name}", f"loop_command:{part.name}"
+        if self.hooks.uses(by_reference) or self.hooks.uses(by_command):
+            hooked = self.hooks.apply(by_reference, followed, known)
+            error = system.loop_error(name)
+            lines = [f"period = {period}", f"reference = {hooked}"]
+            lines.append(f"S[{error}] = reference - reading")
+            followed = "reference"
         value = system.call(
-            part, loop.law, reading="reading", speed=speed, reference=f"inputs[{row}, {reference}]"
+            part, loop.law, reading="reading", speed=speed, reference=followed
         )
+        value = self.hooks.apply(by_command, value, known)
         for added in own[loop.added][:1]:
             value += f" + (inputs[{row}, {added}] if given[{added}] else 0.0)"
         return _Asked(
@@ -1072,13 +1135,13 @@ class Writer:
             reading,
             f"Y[{coordinate.speed}]",
             period,
+            lines,
             value,
         )
 
     def _memory_of(self, loop: str, which: int) -> int:
-        """Place in S of a loop's earlier readings, behind all signals."""
-        names = list(self.system.loops)
-        return len(self.system.signals) + 2 * names.index(loop) + which
+        """Place in S of a loop's earlier readings."""
+        return self.system.loop_memory(loop) + which
 
     def _tick(self) -> list[str]:
         system = self.system

@@ -52,6 +52,8 @@ from eha_bench.plants.parameter import Parameter
 
 BYPASS = "bypass"
 """The signal that is 1 while the bypass is open."""
+_LOOP_MEMORY = 3
+"""Places in a kernel's memory for a controller inside the plant: two readings, and its error."""
 
 
 @dataclass(frozen=True)
@@ -533,6 +535,19 @@ class System:
                 signal = self.signals[f"{part.name}.{port.signal}"]
                 if port.default and all(c.signal != signal for c in self.columns):
                     self.columns.append(self._column(f"{part.name}.{port.port}", part, port, None))
+
+    @property
+    def memory(self) -> int:
+        """Places of signals and of controllers inside the plant in a kernel's memory."""
+        return len(self.signals) + _LOOP_MEMORY * len(self.loops)
+
+    def loop_memory(self, loop: str) -> int:
+        """Return the first place of a controller inside the plant, behind all signals."""
+        return len(self.signals) + _LOOP_MEMORY * list(self.loops).index(loop)
+
+    def loop_error(self, loop: str) -> int:
+        """Return the place of what a controller inside the plant takes for its error."""
+        return self.loop_memory(loop) + 2
 
     def is_followed(self, column: PlantInput) -> bool:
         """Whether a column holds what a controller inside the plant follows."""

@@ -1,0 +1,106 @@
+"""The reference that a position loop follows moves at most so fast.
+
+    y_r <- y_r + clip(r - y_r, -v T, v T)                      `form: rate`
+    w <- w + clip(w* - w, -a T, a T),   y_r <- y_r + w T       `form: trapezoid`
+    w* = sign(r - y_r) min(v, sqrt(2 a |r - y_r|))
+
+once a period T of the loop: a ramp generator, a profile velocity, the goal speed of a smart servo.
+A trapezoidal profile begins and ends at an acceleration a. The strength is the time that the
+reference takes for a unit of its way, 1 / v; 0 is no limit. It begins at what is asked for first.
+
+Source: Biagiotti, Melchiorri, Trajectory Planning for Automatic Machines and Robots, Springer 2008,
+sections 3.2 (trapezoidal profiles) and 4.6 (filters that limit rate and acceleration).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from eha_bench.plants.compiled import njit
+from eha_bench.plants.effect import Action, Effect
+from eha_bench.plants.parameter import Parameter, choice
+
+_RATE, _TRAPEZOID = 0.0, 1.0
+
+
+class Profile(NamedTuple):
+    """The profile's own parameters."""
+
+    time_per_unit: float
+    acceleration: float
+    form: float
+
+
+@njit()
+def _wanted_pace(off: float, h: float, own: Profile) -> float:
+    """Return the pace at which a profile wants to go what is left, in its unit a second."""
+    fastest = 1.0 / own.time_per_unit
+    if own.form == _TRAPEZOID:
+        fastest = min(fastest, math.sqrt(2.0 * own.acceleration * abs(off)))
+    return math.copysign(min(fastest, abs(off) / h), off)
+
+
+@njit()
+def _next_pace(off: float, pace: float, h: float, own: Profile) -> float:
+    wanted = _wanted_pace(off, h, own)
+    if own.form != _TRAPEZOID:
+        return wanted
+    most = own.acceleration * h
+    return pace + min(max(wanted - pace, -most), most)
+
+
+def pace_before(pace: float) -> float:
+    """Return the profile's pace at the start of a step, in its unit a second."""
+    return pace
+
+
+def pace_after(profile: float, pace: float, asked: float, h: float, own: Profile) -> float:
+    """Return the profile's pace after a time h, in its unit a second."""
+    return _next_pace(asked - profile, pace, h, own)
+
+
+def follow(profile: float, was: float, asked: float, h: float, own: Profile) -> float:
+    """Return the profile after a time h, in the reference's unit."""
+    return profile + h * _next_pace(asked - profile, was, h, own)
+
+
+def followed(
+    reference: float, profile: float, pace: float, period: float, own: Profile
+) -> float:
+    """Return what the loop follows instead of its reference: a period on from the last."""
+    return profile + period * _next_pace(reference - profile, pace, period, own)
+
+
+def at_first(asked: float) -> float:
+    """Return the profile at the first sample: what is asked for there."""
+    return asked
+
+
+EFFECT = Effect(
+    id="reference_rate_limit",
+    summary="The reference that a position loop follows moves at most so fast.",
+    parameters=(
+        Parameter("time_per_unit", "1/{speed}", 3.0, 0.0, 1e4, "1/v"),
+        choice("form", ("rate", "trapezoid"), "whether its acceleration is limited, too",
+               refines=True),
+        Parameter(
+            "acceleration", "{speed}/s", 2.0, 1e-6, 1e9, "a", when=("form", ("trapezoid",))
+        ),
+    ),
+    actions={
+        "position_loop": Action(
+            {"reference": followed},
+            # in this order: both go on from where both were
+            advance={"was": pace_before, "pace": pace_after, "profile": follow},
+            start={"profile": at_first},
+            remembers=True,
+        )
+    },
+    states=("profile", "pace", "was"),
+    source="Biagiotti, Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008",
+    separate="ask for steps of different size: the time of a limited reference grows with the way, "
+    "that of a lag does not; then lower the profile's speed on purpose",
+    starts=({"time_per_unit": 1.0}, {"time_per_unit": 1.5}, {"time_per_unit": 6.0},
+            {"time_per_unit": 20.0}),
+)  # fmt: skip
