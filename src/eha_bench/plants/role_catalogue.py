@@ -41,8 +41,8 @@ _CHANGED: Final = {
     "command": "command as it is given, before any limit; `commands` has it at all samples",
     "demand": "command within its limits",
     "drive": "what acts: what the command asked for",
-    "reference": "position that a loop follows; its `reading`, `period` and `speed` may be named as "
-    "well",
+    "reference": "position that a loop follows; its `reading`, `period` and `speed` may be named "
+    "as well",
     "loop_command": "command by the law of a position loop, before any limit, of an `error` that "
     "`reference` may have changed; `reading`, `period` and `speed` may be named as well",
     "asked": "command as its own channel shows it",

@@ -21,7 +21,9 @@ _GATHERED = 0.1
 
 
 @njit()
-def _gathered(collected: float, error: float, h: float, integral_gain: float, limit: float) -> float:
+def _gathered(
+    collected: float, error: float, h: float, integral_gain: float, limit: float
+) -> float:
     return min(max(collected + integral_gain * error * h, -limit), limit)
 
 

@@ -2,11 +2,12 @@
 
     y_r <- y_r + clip(r - y_r, -v T, v T)                      `form: rate`
     w <- w + clip(w* - w, -a T, a T),   y_r <- y_r + w T       `form: trapezoid`
-    w* = sign(r - y_r) min(v, sqrt(2 a |r - y_r|))
+    w* = sign(r - y_r) min(v, sqrt(2 a |r - y_r|)),   a = v / t_a
 
 once a period T of the loop: a ramp generator, a profile velocity, the goal speed of a smart servo.
-A trapezoidal profile begins and ends at an acceleration a. The strength is the time that the
-reference takes for a unit of its way, 1 / v; 0 is no limit. It begins at what is asked for first.
+A trapezoidal profile takes a time t_a to its full speed, and to rest. The strength is the time that
+the reference takes for a unit of its way, 1 / v; 0 is no limit. It begins at what is asked for
+first.
 
 Source: Biagiotti, Melchiorri, Trajectory Planning for Automatic Machines and Robots, Springer 2008,
 sections 3.2 (trapezoidal profiles) and 4.6 (filters that limit rate and acceleration).
@@ -28,8 +29,14 @@ class Profile(NamedTuple):
     """The profile's own parameters."""
 
     time_per_unit: float
-    acceleration: float
+    ramp_time: float
     form: float
+
+
+@njit()
+def _acceleration(own: Profile) -> float:
+    """Return the acceleration of a trapezoid, in the reference's unit a second squared."""
+    return 1.0 / (own.time_per_unit * own.ramp_time)
 
 
 @njit()
@@ -37,7 +44,7 @@ def _wanted_pace(off: float, h: float, own: Profile) -> float:
     """Return the pace at which a profile wants to go what is left, in its unit a second."""
     fastest = 1.0 / own.time_per_unit
     if own.form == _TRAPEZOID:
-        fastest = min(fastest, math.sqrt(2.0 * own.acceleration * abs(off)))
+        fastest = min(fastest, math.sqrt(2.0 * _acceleration(own) * abs(off)))
     return math.copysign(min(fastest, abs(off) / h), off)
 
 
@@ -46,7 +53,7 @@ def _next_pace(off: float, pace: float, h: float, own: Profile) -> float:
     wanted = _wanted_pace(off, h, own)
     if own.form != _TRAPEZOID:
         return wanted
-    most = own.acceleration * h
+    most = _acceleration(own) * h
     return pace + min(max(wanted - pace, -most), most)
 
 
@@ -65,9 +72,7 @@ def follow(profile: float, was: float, asked: float, h: float, own: Profile) -> 
     return profile + h * _next_pace(asked - profile, was, h, own)
 
 
-def followed(
-    reference: float, profile: float, pace: float, period: float, own: Profile
-) -> float:
+def followed(reference: float, profile: float, pace: float, period: float, own: Profile) -> float:
     """Return what the loop follows instead of its reference: a period on from the last."""
     return profile + period * _next_pace(reference - profile, pace, period, own)
 
@@ -84,9 +89,8 @@ EFFECT = Effect(
         Parameter("time_per_unit", "1/{speed}", 3.0, 0.0, 1e4, "1/v"),
         choice("form", ("rate", "trapezoid"), "whether its acceleration is limited, too",
                refines=True),
-        Parameter(
-            "acceleration", "{speed}/s", 2.0, 1e-6, 1e9, "a", when=("form", ("trapezoid",))
-        ),
+        Parameter("ramp_time", "s", 0.1, 1e-4, 100.0, "t_a", "to full speed, and to rest",
+                  when=("form", ("trapezoid",))),
     ),
     actions={
         "position_loop": Action(

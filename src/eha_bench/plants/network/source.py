@@ -1123,9 +1123,7 @@ class Writer:
             lines = [f"period = {period}", f"reference = {hooked}"]
             lines.append(f"S[{error}] = reference - reading")
             followed = "reference"
-        value = system.call(
-            part, loop.law, reading="reading", speed=speed, reference=followed
-        )
+        value = system.call(part, loop.law, reading="reading", speed=speed, reference=followed)
         value = self.hooks.apply(by_command, value, known)
         for added in own[loop.added][:1]:
             value += f" + (inputs[{row}, {added}] if given[{added}] else 0.0)"
