@@ -25,6 +25,8 @@ AT = "at"
 """The parameter that says where an effect acts, where there is more than one place."""
 EVERYWHERE = "all"
 """Its word for all places alike."""
+POSITION_LOOP = "position_loop"
+"""The role of a controller inside a plant that is given a reference."""
 ANYTHING = "anything"
 """The role of every place where something may act: of one place at a time."""
 
@@ -229,6 +231,7 @@ class Spot:
         sensors: channels that it changes without changing what goes on; none for a balance.
         angle: channel of the angle that something periodic follows there; "" where none shows it.
         motion: channels of the position and the speed there, "" where none shows it.
+        reference: the input without which nothing goes on there, "" for none.
     """
 
     name: str
@@ -245,6 +248,7 @@ class Spot:
     sensors: tuple[str, ...] = ()
     angle: str = ""
     motion: tuple[str, str] = ("", "")
+    reference: str = ""
 
 
 Spots = Mapping[str, Sequence[Spot]]

@@ -194,6 +194,7 @@ def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
         for start in starts
         if start.candidate not in hidden
         and not _is_of_unread_sensor(search.problem, start)
+        and not _is_of_open_loop(search.problem, start)
         and not _is_of_unread_side(search.problem, start)
     ]
 
@@ -233,6 +234,19 @@ def _is_of_unread_sensor(problem: Problem, start: Start) -> bool:
     if effect.effect.relative and read <= {name for own in sensors for name in own}:
         return True
     return all(own and read.isdisjoint(own) for own in sensors)
+
+
+def _is_of_open_loop(problem: Problem, start: Start) -> bool:
+    """Whether it is an effect of a controller inside the plant whose reference drives no run."""
+    if start.is_parameter:
+        return False
+    layout = problem.plant.layout
+    effect = layout.effect(start.candidate)
+    places = effect.spots_at(start_values(layout, effect, start))
+    references = {spot.reference for spot in places}
+    return "" not in references and not any(
+        name in window.measured.inputs for window in problem.windows for name in references
+    )
 
 
 def begin(baseline: Baseline, thresholds: Thresholds = DEFAULT) -> Search:

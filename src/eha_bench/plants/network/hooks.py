@@ -8,7 +8,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from eha_bench.core.errors import PluginError
-from eha_bench.plants.effect import AT, EVERYWHERE, BoundEffect, Hook, Spot, fields_of, group_of
+from eha_bench.plants.effect import (
+    AT,
+    EVERYWHERE,
+    POSITION_LOOP,
+    BoundEffect,
+    Hook,
+    Spot,
+    fields_of,
+    group_of,
+)
 from eha_bench.plants.layout import Layout
 
 _VALUE = "value"
@@ -19,8 +28,6 @@ CONDUCTANCES = "conductances"
 _CONDUCTANCE = re.compile(r"(link|ground|[a-z_]+_slope):")
 _OF_EFFECT = re.compile(r"@([a-z_]+\.[a-z_]+)")
 _OWN = "own"
-POSITION_LOOP = "position_loop"
-"""The role of a controller inside the plant, which is given a reference."""
 
 
 @dataclass(frozen=True)

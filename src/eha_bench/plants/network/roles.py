@@ -12,10 +12,9 @@ from dataclasses import replace
 
 from eha_bench.core.errors import PluginError
 from eha_bench.core.near_miss import suggest
-from eha_bench.plants.effect import Effect, Equation, Hook, Spot
+from eha_bench.plants.effect import POSITION_LOOP, Effect, Equation, Hook, Spot
 from eha_bench.plants.network.channels import facing_volumes, places_of_states
 from eha_bench.plants.network.element import Friction, NodeKind
-from eha_bench.plants.network.hooks import POSITION_LOOP
 from eha_bench.plants.network.network import UNITS
 from eha_bench.plants.network.rigid_joint import rigid_joints
 from eha_bench.plants.network.system import (
@@ -485,7 +484,8 @@ def _position_loop(system: System) -> Iterator[Spot]:
     """A position loop inside a drive or a smart servo, which is given a reference."""
     for name, (part, loop, driven, command) in system.loops.items():
         place = system.signals[f"{name}.{loop.reference}"]
-        if not any(c.part is part and c.signal == place for c in system.columns):
+        references = [c.channel for c in system.columns if c.part is part and c.signal == place]
+        if not references:
             continue
         column = system.columns[system.column_for(driven, command)]
         node = part.element.ports[loop.reads]
@@ -509,6 +509,7 @@ def _position_loop(system: System) -> Iterator[Spot]:
             {"command": full, "position": error, "speed": _top_speed(system, driven, node)},
             also=(node,),
             motion=_motion_channels(system, system.leader_of(node)),
+            reference=references[0],
         )
 
 
