@@ -143,11 +143,33 @@ def test_the_integral_part_is_the_sum_of_the_errors() -> None:
 
 @pytest.mark.parametrize("limit", [1.0, 0.05])
 def test_an_integral_holds_a_weight_as_far_as_its_limit_goes(limit: float) -> None:
-    """P e = LEVEL sin a - c with c = min(LEVEL sin a, limit); LEVEL sin 0.5 is 0.081."""
+    """P e = LEVEL sin a - c with c = min(LEVEL sin a, limit)."""
+    assert 0.05 < LEVEL * math.sin(0.5) < 1.0
     goal = np.full(8000, 0.5)
     held = run(goal, "integral_action", 0.4, integral_gain=10.0, limit=limit)["angle"][-1]
     missing = max(0.0, LEVEL * math.sin(held) - limit)
     assert 0.5 - held == pytest.approx(missing / P, abs=2e-5)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_an_integral_begins_with_what_the_law_leaves_of_a_weight(share: float) -> None:
+    """Sagged by a share of LEVEL sin a / P the law holds that share: the rest was gathered."""
+    angle = 0.4
+    weight = LEVEL * math.sin(angle)
+    goal = np.full(300, angle + share * weight / P)
+    found = run(goal, "integral_action", angle, integral_gain=1e-9, limit=1.0)
+    np.testing.assert_allclose(found["duty"], weight, rtol=1e-6)
+    np.testing.assert_allclose(found["angle"], angle, atol=1e-6)
+
+
+@pytest.mark.parametrize(("asked", "begins"), [(0.3, 0.0), (-0.3, 1.0)])
+def test_a_step_at_the_first_sample_is_no_integral(asked: float, begins: float) -> None:
+    """Its part is between nothing and what holds the weight, and within its limit."""
+    weight = LEVEL * math.sin(0.4)
+    for limit in (1.0, 0.3 * weight):
+        goal = np.full(20, 0.4 + asked)
+        duty = run(goal, "integral_action", 0.4, integral_gain=1e-9, limit=limit)["duty"][0]
+        assert duty - P * asked == pytest.approx(min(begins * weight, limit), abs=1e-6)
 
 
 def test_what_an_integral_may_have_gathered_is_nothing_where_it_is_weak() -> None:

@@ -3,8 +3,10 @@
     u = u_law + c,   c <- clip(c + K_i e T, -c_max, c_max)
 
 once a period T, with the part c limited against winding up. At a run's first sample c is taken for
-0; what it holds there, and in the midst of a motion, no reading says: it may be as much as a tenth
-of a second gathers at an error that asks for all that the drive gives.
+what the law alone leaves of the command that holds the load at rest: all of it where the error is
+gone, nothing where the load has sagged, and neither more than all nor against it. How far that is
+off, as in the midst of a motion, no reading says: as much as a tenth of a second gathers at an
+error that asks for all that the drive gives.
 
 Source: Astrom, Hagglund, Advanced PID Control, ISA 2006, sections 3.3 and 3.5 (integral action,
 windup).
@@ -39,8 +41,15 @@ def command(
     return value + _gathered(collected, error, period, integral_gain, limit)
 
 
+def at_first(holding: float, by_law: float, limit: float) -> float:
+    """Return the integral part at the first sample, in the command's unit."""
+    left = holding - by_law
+    between = min(max(left, min(holding, 0.0)), max(holding, 0.0))
+    return min(max(between, -limit), limit)
+
+
 def reach(integral_gain: float, limit: float, position: float) -> float:
-    """Return how far the integral part may be from 0 in the midst of a motion."""
+    """Return how far the integral part may be from what it begins at."""
     return min(limit, integral_gain * position * _GATHERED)
 
 
@@ -55,6 +64,7 @@ EFFECT = Effect(
         "position_loop": Action(
             {"loop_command": command},
             advance={"collected": gather},
+            start={"collected": at_first},
             unread={"collected": reach},
         )
     },

@@ -482,7 +482,7 @@ def _usual_command(system: System, column: PlantInput, part: BoundElement) -> fl
 
 def _position_loop(system: System) -> Iterator[Spot]:
     """A position loop inside a drive or a smart servo, which is given a reference."""
-    for name, (part, loop, driven, command) in system.loops.items():
+    for number, (name, (part, loop, driven, command)) in enumerate(system.loops.items()):
         place = system.signals[f"{name}.{loop.reference}"]
         references = [c.channel for c in system.columns if c.part is part and c.signal == place]
         if not references:
@@ -503,6 +503,8 @@ def _position_loop(system: System) -> Iterator[Spot]:
             {
                 "asked": f"S[{place}]",
                 "error": f"S[{system.loop_error(name)}]",
+                "by_law": f"S[{system.loop_law(name)}]",
+                "holding": f"holding{number}(X, P, S)" if system.held_by(name) else "0.0",
                 "t": "S[1]",
             },
             {"command": column.unit, "position": units["position"], "speed": units["speed"]},

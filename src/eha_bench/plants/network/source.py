@@ -112,6 +112,7 @@ class Writer:
         self._split_step()
         self._substep()
         self._variable()
+        self._holding()
         self._measure()
         self._advance()
         self._settle()
@@ -698,6 +699,32 @@ class Writer:
             body += [f"if which == {float(number)!r}:", f"    return {expression}"]
         self.function("variable", "which, X, P, S", [*body, "return S[1]"])
 
+    def _holding(self) -> None:
+        """Write the command of a controller's motor that holds what it moves at rest.
+
+        A motor's effort is a straight line of its command.
+        """
+        system = self.system
+        for number, (name, (_, _, driven, command)) in enumerate(system.loops.items()):
+            item = system.held_by(name)
+            if self.hooks.is_empty or item is None:
+                continue
+            acts = f"S[{system.columns[system.column_for(driven, command)].signal}]"
+            n = item.number
+            shown = ", ".join(f"X[{place}]" for place in range(system.size))
+            values = self._values([driven])
+            body = [
+                f"{', '.join(system.state_names)}, = {shown},",
+                f"t, v{n}, acting = S[1], 0.0, {acts}",
+                *(f"{acts} = 0.0", *values),
+                f"pulled = drive{n}({self.arguments}) + load{n}({self.arguments})",
+                *(f"{acts} = 1.0", *values),
+                f"gain = drive{n}({self.arguments}) + load{n}({self.arguments}) - pulled",
+                *(f"{acts} = acting", *values),
+                "return -pulled / gain if gain != 0.0 else 0.0",
+            ]
+            self.function(f"holding{number}", "X, P, S", body)
+
     def _measure(self) -> None:
         body = [*self._locals(), *self._show_y()]
         for place, item in enumerate(self.system.outputs):
@@ -707,11 +734,11 @@ class Writer:
             body.append(f"out[{place}] = {value}")
         self.function("measure", "t, X, P, S, Y, out", body or ["pass"])
 
-    def _values(self) -> list[str]:
-        """Lines that work out the signals that follow from others."""
+    def _values(self, parts: Iterable[BoundElement] | None = None) -> list[str]:
+        """Lines that work out the signals that follow from others, of some elements or of all."""
         system = self.system
         lines = []
-        for part in system.parts.values():
+        for part in system.parts.values() if parts is None else parts:
             for item in part.anatomy.signals:
                 if item.value is not None:
                     place = system.signals[f"{part.name}.{item.name}"]
@@ -1069,8 +1096,11 @@ class Writer:
         read = {signal for _, signal in self._imposable()}
         for name in self.system.loops:
             asked = self._asked_by(name, "max(first - 1, 0)", "speed")
+            if asked is None:
+                continue
             # what flows at the first sample may have been read there
-            if asked is not None and asked.of[1].signal not in read:
+            is_read = asked.of[1].signal in read
+            if asked.lines or not is_read:
                 lines += [
                     f"if given[{asked.reference}]:",
                     *(f"    {line}" for line in self._show_y()),
@@ -1078,6 +1108,9 @@ class Writer:
                     # a period ago
                     f"    reading = {asked.reading} - {asked.period} * speed",
                     *(f"    {line}" for line in asked.lines),
+                ]
+            if not is_read:
+                lines += [
                     *(f"    {line}" for line in self._asked_lines(*asked.of, asked.command)),
                     f"    S[{asked.of[1].signal}] = asked{asked.of[0]}",
                     # what is delayed looks back at it
@@ -1124,7 +1157,10 @@ class Writer:
             lines.append(f"S[{error}] = reference - reading")
             followed = "reference"
         value = system.call(part, loop.law, reading="reading", speed=speed, reference=followed)
-        value = self.hooks.apply(by_command, value, known)
+        if self.hooks.uses(by_command):
+            law = f"S[{system.loop_law(name)}]"
+            lines.append(f"{law} = {value}")
+            value = self.hooks.apply(by_command, law, known)
         for added in own[loop.added][:1]:
             value += f" + (inputs[{row}, {added}] if given[{added}] else 0.0)"
         return _Asked(

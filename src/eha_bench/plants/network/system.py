@@ -52,8 +52,9 @@ from eha_bench.plants.parameter import Parameter
 
 BYPASS = "bypass"
 """The signal that is 1 while the bypass is open."""
-_LOOP_MEMORY = 3
-"""Places in a kernel's memory for a controller inside the plant: two readings, and its error."""
+_LOOP_MEMORY = 4
+"""Places in a kernel's memory for a controller inside the plant: two readings, its error, and what
+it asks for by its law."""
 
 
 @dataclass(frozen=True)
@@ -548,6 +549,17 @@ class System:
     def loop_error(self, loop: str) -> int:
         """Return the place of what a controller inside the plant takes for its error."""
         return self.loop_memory(loop) + 2
+
+    def loop_law(self, loop: str) -> int:
+        """Return the place of what a controller inside the plant asks for by its law."""
+        return self.loop_memory(loop) + 3
+
+    def held_by(self, loop: str) -> Coordinate | None:
+        """Return the coordinate that a controller reads and its motor drives, None for none."""
+        part, own, driven, _ = self.loops[loop]
+        read = self.leader_of(part.element.ports[own.reads])
+        drives = driven.element.ports.get("on", "")
+        return read if drives and self.leader_of(drives) is read else None
 
     def is_followed(self, column: PlantInput) -> bool:
         """Whether a column holds what a controller inside the plant follows."""
