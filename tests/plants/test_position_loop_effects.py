@@ -36,10 +36,15 @@ def run(
     goal: FloatArray, effect: str = "", start: float = 0.0, period: float = T, **values: Any
 ) -> dict[str, FloatArray]:
     plant = get_plant("position_servo")
-    time = period * np.arange(goal.size)
-    drive = Drive(time, {"goal_position": goal}, {"angle": start, "velocity": 0.0})
+    drive = Drive(
+        ticks(goal.size, period), {"goal_position": goal}, {"angle": start, "velocity": 0.0}
+    )
     out = plant.simulate(vector_of(effect, **values), drive, 1e-4)
     return dict(zip(plant.outputs, out.T, strict=True))
+
+
+def ticks(count: int, period: float = T) -> FloatArray:
+    return np.asarray(period * np.arange(count), dtype=np.float64)
 
 
 def stepped(size: float, seconds: float = 1.0) -> FloatArray:
@@ -86,7 +91,7 @@ def test_a_window_begins_where_the_limited_reference_was() -> None:
     plant, first = get_plant("position_servo"), 400
     rows = slice(first - 350, first + 100)
     start = {name: float(whole[name][first]) for name in ("angle", "velocity")}
-    drive = Drive(T * np.arange(goal.size)[rows], {"goal_position": goal[rows]}, start, first=350)
+    drive = Drive(ticks(goal.size)[rows], {"goal_position": goal[rows]}, start, first=350)
     vector = vector_of("reference_rate_limit", time_per_unit=2.0)
     window = plant.simulate(vector, drive, 1e-4)[350:, list(plant.outputs).index("angle")]
     np.testing.assert_allclose(window, whole["angle"][first : first + 100], atol=1e-4)
@@ -191,11 +196,11 @@ def test_what_an_integral_may_have_gathered_is_nothing_where_it_is_weak() -> Non
 
 @pytest.mark.parametrize(("name", "form"), FORMS)
 def test_neutral_strength_is_the_declared_model_to_the_last_bit(
-    name: str, form: dict[str, str]
+    name: str, form: dict[str, Any]
 ) -> None:
     goal = 1.2 * np.sin(np.arange(1200) / 300.0)
     plant = get_plant("position_servo")
-    drive = Drive(T * np.arange(goal.size), {"goal_position": goal}, {})
+    drive = Drive(ticks(goal.size), {"goal_position": goal}, {})
     effect = plant.layout.effect(name)
     vector = vector_of(name, **form)
     vector[plant.layout.index[f"{name}.{effect.strength.name}"]] = effect.neutral
@@ -209,7 +214,7 @@ def test_neutral_strength_is_the_declared_model_to_the_last_bit(
 
 
 @pytest.mark.parametrize(("name", "form"), FORMS)
-def test_a_little_of_an_effect_changes_little(name: str, form: dict[str, str]) -> None:
+def test_a_little_of_an_effect_changes_little(name: str, form: dict[str, Any]) -> None:
     goal = 1.2 * np.sin(np.arange(1200) / 300.0)
     effect = get_plant("position_servo").layout.effect(name)
     plain = run(goal)["angle"]
