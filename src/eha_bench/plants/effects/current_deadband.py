@@ -76,5 +76,5 @@ EFFECT = Effect(
     source="Tao, Kokotovic, IEEE Trans. Automatic Control 39 (1994) 59, doi:10.1109/9.273339",
     separate="slow current ramps through zero without load: friction sticks, a dead zone takes the "
     "same current from every torque",
-    starts=({"edges": _UNEQUAL, "asymmetry": -0.3},),
+    starts=({"edges": _UNEQUAL, "asymmetry": -0.3}, {"deadband": 0.1}),
 )  # fmt: skip
