@@ -74,6 +74,7 @@ class LinearProblem:
     @staticmethod
     def _window(name: str) -> SimpleNamespace:
         measured = SimpleNamespace(
+            inputs={},
             tick=0.0,  # any lag is longer than stamps are off
             run=SimpleNamespace(name=name, locked=True), time=1e-3 * np.arange(TICKS), steps={},
             outputs=(),

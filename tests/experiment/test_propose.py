@@ -6,6 +6,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,13 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.limit import Bounds
 from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.fit.beliefs import Belief
 from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.describe import width_words
-from eha_bench.experiment.hypothesis import read_question
-from eha_bench.experiment.permitted import permitted_ranges
+from eha_bench.experiment.hypothesis import _with_doubt, read_question
+from eha_bench.experiment.permitted import Limit, permitted_ranges
 from eha_bench.experiment.proposal import ProposalEnding
-from eha_bench.experiment.response import predicted_readings
+from eha_bench.experiment.response import Bench, _room, predicted_readings
 from eha_bench.plants.plant import Drive
 from eha_bench.suites import load_suite
 from eha_bench.targets.simulator import Simulator
@@ -414,3 +416,56 @@ def test_a_dataset_without_the_old_recordings_says_so(proposed: Path):
     # the question of this test names no dataset
     text = (proposed / "next-dataset.yaml").read_text()
     assert "those of the diagnosis are not there any more" in text
+
+
+def test_trials_begin_where_the_recordings_do(tmp_path: Path):
+    """A rod that stands half a stroke out is nearer to its end than one that stands at 0."""
+    extremes = {**LOCKED, "piston_position": (0.012, 0.028)}
+    folder = write_question(
+        tmp_path, [rival(*DELAY), rival(*LAG)], piston="free", extremes=extremes,
+        starts={"piston_position": 0.02},
+    )  # fmt: skip
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=2.0)
+    assert found.ending is ProposalEnding.PROPOSED
+    assert found.suite["trials"][0]["setup"]["initial"] == {"piston_position": 0.02}
+    (way,) = (room for room in found.trials[0].rooms if room.channel == "piston_position")
+    assert 0.012 < way.low <= 0.02 <= way.high < 0.028
+    (trial, *_) = load_suite(tmp_path / "next.yaml").trials
+    assert trial.setup.initial == {"piston_position": 0.02}
+
+
+def test_a_limit_of_what_the_model_does_not_have_is_said(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(*DELAY), rival(*LAG)])
+    suite = tmp_path / "safe.yaml"
+    suite.write_text(
+        "name: safe\ntrials:\n  - {id: a, mode: current, duration: 1 s, setup: {piston: locked},\n"
+        "     signal: {kind: constant, value: 1 A},\n"
+        "     safety: {motor_speed: <= 200 rad/s, voltage: <= 48}}\n"
+    )
+    found = eb.next_experiment(folder, budget=2.0, safety=suite)
+    assert any(note.startswith("CAUTION: 'voltage'") for note in found.notes)
+
+
+def test_a_trial_that_begins_beyond_a_limit_does_not_keep_it(tmp_path: Path):
+    question = read_question(write_question(tmp_path, [rival(*LAG)]))
+    plant = question.rivals[0].model.plant
+    bench = Bench.of(question.covered, plant, "current_command")
+    curves = np.zeros((3, 10))
+    speed = partial(_room, "motor_speed", curves, bench=bench)
+    assert speed(Limit(-5.0, 5.0)).used <= 1.0
+    assert speed(Limit(0.0, 5.0)).used <= 1.0  # at rest against a stop
+    assert speed(Limit(3.0, 5.0)).used > 1.0
+
+
+def test_a_limit_is_kept_with_what_was_declared_of_a_doubted_parameter(tmp_path: Path):
+    """A friction that the fit has doubled holds a motor that may go twice as far."""
+    (own,) = read_question(write_question(tmp_path, [rival(None)])).rivals
+    at = own.model.plant.layout.index["coulomb_torque"]
+    fitted = float(own.vector[at])
+    near = Belief("coulomb_torque", at, fitted, 0.1 * fitted)
+    far = Belief("coulomb_torque", at, 0.5 * fitted, 0.1 * fitted)
+    assert _with_doubt(own, [near]).doubted is None
+    doubted = _with_doubt(own, [far]).doubted
+    assert doubted is not None
+    assert doubted[at] == 0.5 * fitted
+    assert np.count_nonzero(doubted != own.vector) == 1

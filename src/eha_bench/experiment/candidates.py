@@ -7,7 +7,7 @@ puts it into the command's range.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,9 @@ class Experiment:
     def trial(self, name: str, plan: ExperimentSettings) -> dict[str, Any]:
         """Return the trial as a suite has it."""
         piston, bypass = self.setup
-        setup = {"piston": piston.value, "bypass": bypass.value}
+        setup: dict[str, Any] = {"piston": piston.value, "bypass": bypass.value}
+        if begins := plan.initial.get(self.setup):
+            setup["initial"] = dict(begins)
         return {
             "id": name,
             "mode": plan.commanded.mode,
@@ -128,12 +130,14 @@ class ExperimentSettings:
     Attributes:
         commanded: what they give. command: setup -> its range, SI. rate: samples a second.
         safety: setup -> channel -> limit as a suite writes it.
+        initial: setup -> position -> where its trials begin, SI; not in it: at 0.
     """
 
     commanded: Commanded
     command: Mapping[SetUp, Limit]
     rate: float
     safety: Mapping[SetUp, Mapping[str, Any]]
+    initial: Mapping[SetUp, Mapping[str, float]] = field(default_factory=dict)
 
     def trials(self, candidates: list[Experiment], names: list[str]) -> tuple[Trial, ...]:
         """Return candidates as a suite's loader reads them."""

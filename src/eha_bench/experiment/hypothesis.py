@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,8 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.json_file import read_object
+from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.fit.beliefs import Belief, beliefs_of
 from eha_bench.diagnosis.fit.convergence import MOST
 from eha_bench.diagnosis.fit.friction_at_rest import is_friction_at_rest
 from eha_bench.diagnosis.outcome.diagnosis import (
@@ -93,6 +96,8 @@ class Hypothesis:
         standing, behind: what the data say of it already.
         model: as fitted. keys: of what was fitted, (p,). covariance: (p, p) SI.
         moved: parameters that take the place of the fitted ones, SI; None for these.
+        doubted: parameters as fitted, but as declared where the fit is outside of `within`, SI;
+            None where it is not: a limit has to be kept with these as well.
     """
 
     id: str
@@ -103,6 +108,7 @@ class Hypothesis:
     keys: tuple[str, ...]
     covariance: FloatArray
     moved: FloatArray | None = None
+    doubted: FloatArray | None = None
 
     @cached_property
     def vector(self) -> FloatArray:
@@ -283,6 +289,7 @@ def read_question(path: str | Path) -> Question:
         Verdict(content["verdict"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"its rivals cannot be read ({error!r})", where=where) from error
+    rivals = _with_doubts(rivals, covered)
     found = [item for item in rivals if item.standing is not Standing.RUNNER_UP]
     unknown = content.get("unknown") or {}
     learned = any("learned" in item.id for item in found)
@@ -301,6 +308,29 @@ def read_question(path: str | Path) -> Question:
         _why_no_interval(content),
         _unnamed(content),
     )
+
+
+def _with_doubts(rivals: tuple[Hypothesis, ...], covered: Covered) -> tuple[Hypothesis, ...]:
+    """Return rivals with what a dataset's model says of parameters that are outside of `within`.
+
+    The same where the dataset is not there any more, or cannot be read.
+    """
+    if not (covered.dataset and Path(covered.dataset).is_file()):
+        return rivals
+    with suppress(InputError):
+        beliefs = beliefs_of(load_dataset(covered.dataset).model)
+        return tuple(_with_doubt(item, beliefs) for item in rivals)
+    return rivals
+
+
+def _with_doubt(rival: Hypothesis, beliefs: Sequence[Belief]) -> Hypothesis:
+    index, declared = rival.model.plant.layout.index, rival.vector.copy()
+    for belief in beliefs:
+        at = index.get(belief.key)
+        if at is not None and abs(declared[at] - belief.value) > belief.within:
+            declared[at] = belief.value
+    same = np.array_equal(declared, rival.vector)
+    return rival if same else replace(rival, doubted=declared)
 
 
 def _why_no_interval(content: Mapping[str, Any]) -> str:

@@ -71,11 +71,13 @@ class Permitted:
         command: setup -> range of the plant's command, SI.
         limits: setup -> channel -> limit. Setups that are not there are not permitted.
         words: one sentence that says where that is from.
+        unwatched: limited channels that the model does not have.
     """
 
     command: Mapping[SetUp, Limit]
     limits: Mapping[SetUp, Mapping[str, Limit]]
     words: str
+    unwatched: tuple[str, ...] = ()
 
 
 def permitted_ranges(
@@ -156,10 +158,12 @@ def permitted_ranges(
         for name, item in file.channels.items()
         if commanded.is_imposed or name != channel
     }
+    known = {*plant.outputs, *plant.derived_channels, *plant.inputs, channel, "pressure_difference"}
     return Permitted(
         dict.fromkeys(setups, command),
         dict.fromkeys(setups, _both(channels, ends)),
         f"the limits are those of {path.name}",
+        tuple(name for name in channels if name not in known),
     )
 
 

@@ -50,6 +50,7 @@ from eha_bench.experiment.narrowing import (
 from eha_bench.experiment.permitted import (
     PLANT,
     RECORDINGS,
+    SIGMAS,
     Limit,
     Permitted,
     SetUp,
@@ -70,10 +71,13 @@ from eha_bench.experiment.separating import (
     Separation,
     is_worth_bench_time,
 )
+from eha_bench.posterior.covered import CoveredSetup
 
 ASKED = 0.95
 WITHIN = 0.1
 """Half of a 95 % interval, as a share of the parameter, that is asked for by default."""
+_STARTS = 0.02
+"""Share of a recorded way by which recordings may begin away from 0 that is taken for 0."""
 _NARROWER = 0.9
 """Share of the present interval that an experiment has to bring it under to be worth its time."""
 
@@ -144,6 +148,11 @@ class _Planner:
             {key: item for key, item in self.permitted.command.items() if item.high > item.low},
             bench.rate,
             {key: self._safety(key) for key in self.permitted.limits},
+            {
+                item.setup: places
+                for item in question.covered.setups
+                if (places := self._initial(item, commanded))
+            },
         )
         self.simulator = RivalSimulator(
             self.rivals, question.covered, bench, self.permitted, self.plan, seed, progress
@@ -353,6 +362,12 @@ class _Planner:
         tried, refused = self.simulator.tried, len(self.simulator.refused) or "none"
         verb = "breaks" if len(self.simulator.refused) <= 1 else "break"
         notes = [f"{tried} experiments were simulated; {refused} {verb} a limit at any size"]
+        if unwatched := self.permitted.unwatched:
+            names = " and ".join(f"'{name}'" for name in unwatched)
+            notes.append(
+                f"CAUTION: {names}: the safety file limits what the model does not predict; the "
+                "proposal does not keep that limit, nor does its suite watch it"
+            )
         left = dict.fromkeys(
             item.cause for item in self.question.rivals if item.cause not in self.causes
         )
@@ -388,6 +403,25 @@ class _Planner:
             for key in counted_parameters(before)
         ]
         return tuple(sorted(found, key=lambda item: -item.before))
+
+    def _initial(self, setup: CoveredSetup, commanded: Commanded) -> dict[str, float]:
+        """Return where trials of a setup begin: where its recordings do, if that is not at 0.
+
+        A rig that stands half a stroke out is half a stroke nearer to its limit. What follows a
+        position stands where it is asked to be.
+        """
+        if commanded.follows or commanded.is_imposed_position:
+            return {}
+        began = {**self.plant.behind(self.rivals[0].vector, setup.starts), **setup.starts}
+        found = {}
+        for name in self.plant.roles.rate_of:
+            low, high = setup.extremes.get(name, (math.inf, -math.inf))
+            little = max(
+                _STARTS * max(high - low, 0.0), SIGMAS * self.question.covered.sensor_noise(name)
+            )
+            if name in self.plant.states and abs(began.get(name, 0.0)) > little:
+                found[name] = float(f"{began[name]:.4g}")
+        return found
 
     def _safety(self, setup: SetUp) -> dict[str, Any]:
         """Return limits as a suite writes them: of what the rig measures.

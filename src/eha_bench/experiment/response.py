@@ -177,11 +177,16 @@ def respond(
     reference = trial.reference(trial.clock())
     setup = (trial.setup.piston, trial.setup.bypass)
     vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
+    vectors = [
+        own if rival.doubted is None else np.vstack((own, rival.doubted))
+        for rival, own in zip(rivals, vectors, strict=True)
+    ]
     cases = [
         _after_command(rivals, vectors, trial, bench, commanded, before)
         for before in commanded.before(trial, reference, bench.starts.get(setup, {}))
     ]
-    likeliest = cases[0]
+    # what is doubted counts where a limit is kept, and tells no rivals apart
+    likeliest = tuple(item[: len(z)] for item, z in zip(cases[0], draws, strict=True))
     fitted = np.stack([item[0] for item in likeliest])
     names = rivals[0].model.plant.outputs
     here = bench.beyond(
@@ -344,12 +349,21 @@ def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> LimitMar
             continue
         gone = side * (extreme - begin) + margin
         allowed = (1.0 - SHARE) * way
+        if allowed > 0.0:
+            used = max(used, gone / allowed)
+        elif gone > margin or -way > margin + SHARE * _width_of(limit):
+            used = np.inf
         # what starts at its limit, as a shaft at rest against a stop, may stay there
-        used = max(used, gone / allowed if allowed > 0.0 else (np.inf if gone > margin else 0.0))
     if np.isfinite(limit.rate):
         rate = float(np.abs(np.diff(curves, axis=1)).max()) * bench.rate
         used = max(used, (rate + 1.5 * margin * bench.rate) / ((1.0 - SHARE) * limit.rate))
     return LimitMargin(name, low, high, limit, float(used) if np.isfinite(used) else 1e9)
+
+
+def _width_of(limit: Limit) -> float:
+    """Return the distance between two limits, or from 0 where there is one."""
+    ends = [end for end in (limit.low, limit.high) if math.isfinite(end)]
+    return ends[1] - ends[0] if len(ends) > 1 else abs(ends[0])
 
 
 def _furthest(tops: FloatArray) -> float:

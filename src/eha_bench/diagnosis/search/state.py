@@ -244,7 +244,9 @@ def _is_of_open_loop(problem: Problem, start: Start) -> bool:
     effect = layout.effect(start.candidate)
     places = effect.spots_at(start_values(layout, effect, start))
     references = {spot.reference for spot in places}
-    return "" not in references and not any(
+    if "" in references or not references:
+        return False
+    return not any(
         name in window.measured.inputs for window in problem.windows for name in references
     )
 

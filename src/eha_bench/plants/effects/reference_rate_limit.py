@@ -25,7 +25,7 @@ from eha_bench.plants.parameter import Parameter, choice
 _RATE, _TRAPEZOID = 0.0, 1.0
 
 
-class Profile(NamedTuple):
+class PacedReference(NamedTuple):
     """The profile's own parameters."""
 
     time_per_unit: float
@@ -34,13 +34,13 @@ class Profile(NamedTuple):
 
 
 @njit()
-def _acceleration(own: Profile) -> float:
+def _acceleration(own: PacedReference) -> float:
     """Return the acceleration of a trapezoid, in the reference's unit a second squared."""
     return 1.0 / (own.time_per_unit * own.ramp_time)
 
 
 @njit()
-def _wanted_pace(off: float, h: float, own: Profile) -> float:
+def _wanted_pace(off: float, h: float, own: PacedReference) -> float:
     """Return the pace at which a profile wants to go what is left, in its unit a second."""
     fastest = 1.0 / own.time_per_unit
     if own.form == _TRAPEZOID:
@@ -49,7 +49,7 @@ def _wanted_pace(off: float, h: float, own: Profile) -> float:
 
 
 @njit()
-def _next_pace(off: float, pace: float, h: float, own: Profile) -> float:
+def _next_pace(off: float, pace: float, h: float, own: PacedReference) -> float:
     wanted = _wanted_pace(off, h, own)
     if own.form != _TRAPEZOID:
         return wanted
@@ -62,17 +62,19 @@ def pace_before(pace: float) -> float:
     return pace
 
 
-def pace_after(profile: float, pace: float, asked: float, h: float, own: Profile) -> float:
+def pace_after(profile: float, pace: float, asked: float, h: float, own: PacedReference) -> float:
     """Return the profile's pace after a time h, in its unit a second."""
     return _next_pace(asked - profile, pace, h, own)
 
 
-def follow(profile: float, was: float, asked: float, h: float, own: Profile) -> float:
+def follow(profile: float, was: float, asked: float, h: float, own: PacedReference) -> float:
     """Return the profile after a time h, in the reference's unit."""
     return profile + h * _next_pace(asked - profile, was, h, own)
 
 
-def followed(reference: float, profile: float, pace: float, period: float, own: Profile) -> float:
+def followed(
+    reference: float, profile: float, pace: float, period: float, own: PacedReference
+) -> float:
     """Return what the loop follows instead of its reference: a period on from the last."""
     return profile + period * _next_pace(reference - profile, pace, period, own)
 
