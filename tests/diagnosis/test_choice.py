@@ -80,6 +80,20 @@ def test_two_standard_deviations_are_a_tie_however_few_the_readings_are(search: 
     assert found.candidate == RIGHT
 
 
+@pytest.mark.parametrize(("as_good", "chosen"), [(True, "parameter:area"), (False, RIVAL)])
+def test_a_number_that_may_be_wrong_is_taken_only_where_it_explains_as_much(
+    search: Search, monkeypatch: pytest.MonkeyPatch, as_good: bool, chosen: str
+) -> None:
+    """Down at the noise 19 of a likelihood ratio tell a friction from a torque constant."""
+    monkeypatch.setattr(choice, "is_as_good", lambda *_: as_good)
+    best = search.fit.cost - 1000.0
+    number = trial(search, RIGHT, best + 2.0)
+    number = replace(number, start=replace(number.start, candidate="parameter:area"))
+    found = choice.choose(search, [trial(search, RIVAL, best), number])
+    assert found is not None
+    assert found.candidate == chosen
+
+
 def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Search) -> None:
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, 850.0), trial(search, RIGHT, best + 40.0, 900.0)]

@@ -40,13 +40,19 @@ def _best_of(search: Search, good: list[Refit], trials: Sequence[Refit]) -> Refi
         return number
     tied = max(CHANCE, tie(chosen.comparison.gain, chosen.fit.residual.size))
     alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
-    if parameter := next((item for item in alike if item.start.is_parameter), None):
+    numbers = (item for item in alike if item.start.is_parameter)
+    if number := next((item for item in numbers if _is_as_good(search, item, chosen)), None):
         # a number that may be declared wrongly is likelier than an effect that does no better
-        return parameter
+        return number
     # of those that leave equally little, the one with the fewest numbers to choose is the
     # likeliest, then the one that carries over best to runs left out
     simplest = min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
     return _yielding(search, simplest, good)
+
+
+def _is_as_good(search: Search, item: Refit, chosen: Refit) -> bool:
+    """Whether a candidate explains as much as the chosen one."""
+    return item is chosen or is_as_good(search, item.fit, chosen.fit, chosen.comparison.gain)
 
 
 def _number_of_a_sheet(search: Search, chosen: Refit, trials: Sequence[Refit]) -> Refit | None:
