@@ -94,6 +94,20 @@ def test_a_number_that_may_be_wrong_is_taken_only_where_it_explains_as_much(
     assert found.candidate == chosen
 
 
+@pytest.mark.parametrize(("far", "chosen"), [(True, RIGHT), (False, RIVAL)])
+def test_far_above_the_noise_friction_is_likelier_than_a_firmware_s_dead_zone(
+    search: Search, monkeypatch: pytest.MonkeyPatch, far: bool, chosen: str
+) -> None:
+    """A real servo's joint: the dead zone of its loop leaves half a per cent less."""
+    monkeypatch.setattr(choice, "is_far_above_noise", lambda _: far)
+    monkeypatch.setattr(choice, "is_as_good", lambda *_: True)
+    monkeypatch.setattr(choice, "_is_of_firmware", lambda _, item: item.candidate == RIVAL)
+    best = search.fit.cost - 1000.0
+    found = choice.choose(search, [trial(search, RIVAL, best), trial(search, RIGHT, best + 40.0)])
+    assert found is not None
+    assert found.candidate == chosen
+
+
 def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Search) -> None:
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, 850.0), trial(search, RIGHT, best + 40.0, 900.0)]

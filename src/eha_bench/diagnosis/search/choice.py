@@ -9,10 +9,11 @@ from eha_bench.diagnosis.fit.candidates import SameNumber, SheetNumber, is_drawn
 from eha_bench.diagnosis.fit.evidence import against_beliefs
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.search.bounds import are_inside
-from eha_bench.diagnosis.search.equivalent import CHANCE, is_as_good, tie
+from eha_bench.diagnosis.search.equivalent import CHANCE, is_as_good, is_far_above_noise, tie
 from eha_bench.diagnosis.search.resolution import below_reading
 from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.diagnosis.search.yielding import yields_to
+from eha_bench.plants.effect import POSITION_LOOP
 
 
 def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
@@ -47,7 +48,32 @@ def _best_of(search: Search, good: list[Refit], trials: Sequence[Refit]) -> Refi
     # of those that leave equally little, the one with the fewest numbers to choose is the
     # likeliest, then the one that carries over best to runs left out
     simplest = min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
-    return _yielding(search, simplest, good)
+    return _yielding(search, _of_the_machine(search, simplest, good), good)
+
+
+def _of_the_machine(search: Search, chosen: Refit, good: Sequence[Refit]) -> Refit:
+    """Return what is in every machine instead of a controller's firmware, where it is as good.
+
+    Far above the noise, something else is missing in both, and which is nearer says little: the dry
+    friction of a servo's arm leaves its errors as a dead zone of its loop does.
+    """
+    if not (_is_of_firmware(search, chosen) and is_far_above_noise(chosen.fit)):
+        return chosen
+    return next(
+        (
+            item
+            for item in good
+            if not _is_of_firmware(search, item) and _is_as_good(search, item, chosen)
+        ),
+        chosen,
+    )
+
+
+def _is_of_firmware(search: Search, item: Refit) -> bool:
+    """Whether a candidate acts in a position loop inside the plant."""
+    if item.start.is_parameter:
+        return False
+    return search.problem.plant.layout.effect(item.candidate).role == POSITION_LOOP
 
 
 def _is_as_good(search: Search, item: Refit, chosen: Refit) -> bool:
