@@ -57,7 +57,7 @@ def _of_the_machine(search: Search, chosen: Refit, good: Sequence[Refit]) -> Ref
     Far above the noise, something else is missing in both, and which is nearer says little: the dry
     friction of a servo's arm leaves its errors as a dead zone of its loop does.
     """
-    if not (_is_of_firmware(search, chosen) and is_far_above_noise(chosen.fit)):
+    if not (is_far_above_noise(chosen.fit) and _is_of_firmware(search, chosen)):
         return chosen
     return next(
         (
