@@ -71,7 +71,6 @@ from eha_bench.experiment.separating import (
     Separation,
     is_worth_bench_time,
 )
-from eha_bench.posterior.covered import CoveredSetup
 
 ASKED = 0.95
 WITHIN = 0.1
@@ -149,9 +148,9 @@ class _Planner:
             bench.rate,
             {key: self._safety(key) for key in self.permitted.limits},
             {
-                item.setup: places
-                for item in question.covered.setups
-                if (places := self._initial(item, commanded))
+                key: places
+                for key in self.permitted.limits
+                if (places := self._initial(key, commanded))
             },
         )
         self.simulator = RivalSimulator(
@@ -404,21 +403,22 @@ class _Planner:
         ]
         return tuple(sorted(found, key=lambda item: -item.before))
 
-    def _initial(self, setup: CoveredSetup, commanded: Commanded) -> dict[str, float]:
+    def _initial(self, key: SetUp, commanded: Commanded) -> dict[str, float]:
         """Return where trials of a setup begin: where its recordings do, if that is not at 0.
 
-        A rig that stands half a stroke out is half a stroke nearer to its limit. What follows a
-        position stands where it is asked to be.
+        A rig that stands half a stroke out is half a stroke nearer to its limit, also in a setup
+        that has not been recorded yet. What follows a position stands where it is asked to be.
         """
-        if commanded.follows or commanded.is_imposed_position:
+        covered = self.question.covered
+        recorded = {item.setup: item for item in covered.setups}
+        setup = recorded.get(key) or next(iter(recorded.values()), None)
+        if setup is None or commanded.follows or commanded.is_imposed_position:
             return {}
         began = {**self.plant.behind(self.rivals[0].vector, setup.starts), **setup.starts}
         found = {}
         for name in self.plant.roles.rate_of:
             low, high = setup.extremes.get(name, (math.inf, -math.inf))
-            little = max(
-                _STARTS * max(high - low, 0.0), SIGMAS * self.question.covered.sensor_noise(name)
-            )
+            little = max(_STARTS * max(high - low, 0.0), SIGMAS * covered.sensor_noise(name))
             if name in self.plant.states and abs(began.get(name, 0.0)) > little:
                 found[name] = float(f"{began[name]:.4g}")
         return found
