@@ -158,13 +158,18 @@ def permitted_ranges(
         for name, item in file.channels.items()
         if commanded.is_imposed or name != channel
     }
-    known = {*plant.outputs, *plant.derived_channels, *plant.inputs, channel, "pressure_difference"}
+    known = {*measured_of(plant), *plant.inputs, channel}
     return Permitted(
         dict.fromkeys(setups, command),
         dict.fromkeys(setups, _both(channels, ends)),
         f"the limits are those of {path.name}",
         tuple(name for name in channels if name not in known),
     )
+
+
+def measured_of(plant: Plant) -> frozenset[str]:
+    """Return the channels of a plant that a rig measures, or that follow from what it measures."""
+    return frozenset((*plant.outputs, *plant.derived_channels, "pressure_difference"))
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,7 @@ from eha_bench.experiment.permitted import (
     Limit,
     Permitted,
     SetUp,
+    measured_of,
     permitted_ranges,
 )
 from eha_bench.experiment.proposal import PlannedTrial, Proposal, ProposalEnding, Width
@@ -429,7 +430,7 @@ class _Planner:
         Where only recordings say how far a channel may go, its noise has to be known: one reading
         beyond them ends a run.
         """
-        measured = {*self.plant.outputs, *self.plant.derived_channels, "pressure_difference"}
+        measured = measured_of(self.plant)
         found: dict[str, Any] = {}
         for name, limit in self.permitted.limits[setup].items():
             stated = limit.reason not in (PLANT, RECORDINGS) or (

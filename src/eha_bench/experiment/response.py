@@ -351,9 +351,9 @@ def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> LimitMar
         allowed = (1.0 - SHARE) * way
         if allowed > 0.0:
             used = max(used, gone / allowed)
+        # what starts at its limit, as a shaft at rest against a stop, may stay there
         elif gone > margin or -way > margin + SHARE * _width_of(limit):
             used = np.inf
-        # what starts at its limit, as a shaft at rest against a stop, may stay there
     if np.isfinite(limit.rate):
         rate = float(np.abs(np.diff(curves, axis=1)).max()) * bench.rate
         used = max(used, (rate + 1.5 * margin * bench.rate) / ((1.0 - SHARE) * limit.rate))
