@@ -57,6 +57,11 @@ def _next_pace(off: float, pace: float, h: float, own: PacedReference) -> float:
     return pace + min(max(wanted - pace, -most), most)
 
 
+@njit()
+def _moved_on(profile: float, pace: float, asked: float, h: float, own: PacedReference) -> float:
+    return profile + h * _next_pace(asked - profile, pace, h, own)
+
+
 def pace_before(pace: float) -> float:
     """Return the profile's pace at the start of a step, in its unit a second."""
     return pace
@@ -69,14 +74,14 @@ def pace_after(profile: float, pace: float, asked: float, h: float, own: PacedRe
 
 def follow(profile: float, was: float, asked: float, h: float, own: PacedReference) -> float:
     """Return the profile after a time h, in the reference's unit."""
-    return profile + h * _next_pace(asked - profile, was, h, own)
+    return _moved_on(profile, was, asked, h, own)
 
 
 def followed(
     reference: float, profile: float, pace: float, period: float, own: PacedReference
 ) -> float:
     """Return what the loop follows instead of its reference: a period on from the last."""
-    return profile + period * _next_pace(reference - profile, pace, period, own)
+    return _moved_on(profile, pace, reference, period, own)
 
 
 def at_first(asked: float) -> float:
