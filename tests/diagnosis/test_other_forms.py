@@ -24,8 +24,8 @@ def test_every_form_that_fits_as_well_is_found_with_what_differs():
     words = next(parameter.choices for parameter in own if parameter.name == "kind")
     chosen = words[int(search.fit.vector[search.problem.plant.layout.index[
         "asymmetric_friction.kind"]])]  # fmt: skip
-    assert {form for form, _ in found} == {f"kind {word}" for word in words if word != chosen}
-    for _, fit in found:
+    assert {one.words for one in found} == {f"kind {word}" for word in words if word != chosen}
+    for fit in (one.fit for one in found):
         assert abs(strength(search, fit, "asymmetric_friction") - 0.5) < 0.02
 
 
@@ -61,6 +61,6 @@ def test_what_an_effect_stands_in_place_of_stays_off():
     fit = replace(search.fit, vector=start.apply(off))
     found = other_forms(search, item, start, fit)
     assert found
-    for _, other in found:
+    for other in (one.fit for one in found):
         assert strength(search, other, "current_lag") == 0.0
         assert abs(strength(search, other, "asymmetric_friction") - 0.5) < 0.02

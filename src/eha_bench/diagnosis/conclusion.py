@@ -33,6 +33,7 @@ from eha_bench.diagnosis.outcome.led_commands import with_led_commands
 from eha_bench.diagnosis.outcome.misplaced_columns import misplaced_column
 from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
 from eha_bench.diagnosis.outcome.only_a_mean import only_a_mean
+from eha_bench.diagnosis.outcome.other_forms import other_forms
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
 from eha_bench.diagnosis.outcome.rare_stretches import note_of_rare_stretches
 from eha_bench.diagnosis.outcome.refusal import Refusal
@@ -41,6 +42,7 @@ from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.outcome.scaled_channel import with_scaled_channel
 from eha_bench.diagnosis.outcome.scaled_sensor import ScaledSensor, scaled_sensor
+from eha_bench.diagnosis.outcome.sizes_over_forms import with_sizes_over_forms
 from eha_bench.diagnosis.outcome.worst_range import worst_range
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
@@ -299,11 +301,19 @@ class Conclusion:
         self.progress(self.stage, 0.0)
         try:
             with checkpoints(asked), fits_by(workers):
-                rivals = other_rivals(self.search, self.decision, found)
+                named = self.search.effects if found.verdict is Verdict.EFFECT else ()
+                forms = {
+                    item.start.candidate: other_forms(
+                        self.search, item, item.start, self.search.fit
+                    )
+                    for item in named
+                }
+                rivals = other_rivals(self.search, self.decision, found, forms)
         except KeyboardInterrupt:
             note = "interrupted before the rivals were fitted"
             self.found = replace(found.with_note(note), complete=False)
         else:
+            found = with_sizes_over_forms(found, forms)
             self.found = replace(found, rivals=(*found.rivals, *rivals))
         return self.found
 

@@ -9,17 +9,17 @@ may not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import LEARNED, SheetNumber, Start
+from eha_bench.diagnosis.fit.candidates import LEARNED, SheetNumber
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.uncertainty import posterior
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
-from eha_bench.diagnosis.outcome.other_forms import other_forms
+from eha_bench.diagnosis.outcome.other_forms import OtherForm, other_forms
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rival import Rival, Standing
 from eha_bench.diagnosis.search.equivalent import is_as_good
@@ -53,11 +53,17 @@ def found_rival(search: Search, fit: Fit, model: Model, added: Sequence[str]) ->
     return Rival(name, tuple(added), Standing.FOUND, 0.0, model, covariance)
 
 
-def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[Rival, ...]:
+def other_rivals(
+    search: Search,
+    decision: Decision,
+    found: Diagnosis,
+    forms: Mapping[str, Sequence[OtherForm]],
+) -> tuple[Rival, ...]:
     """Fit the rivals of what was found, the nearest first.
 
     Args:
         search: finished. decision: on it. found: what came of it.
+        forms: effect that was found -> its other forms that fit as well.
     """
     rivals = [
         rival
@@ -73,10 +79,10 @@ def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[
         if any(item.standing is Standing.EQUIVALENT for item in rivals):
             names = [item.start.candidate for item in search.effects]
             rivals += [
-                form
-                for item in search.effects
-                for form in _forms(search, item, item.start, search.fit, found.revised, names)
-            ]  # fmt: skip
+                _in_form(search, form, found.revised, names)
+                for name in names
+                for form in forms.get(name, ())
+            ]
     elif found.verdict is Verdict.UNKNOWN and decision.learned:
         rivals = list(_other_curves(search, decision, found))
     taken = {item.id for item in found.rivals}
@@ -127,7 +133,8 @@ def _equal_to(search: Search, item: Accepted, declared: Model) -> Iterator[Rival
             added = [*others, trial.candidate]
             behind = fit.cost - search.fit.cost
             yield _rival(search, fit, declared, added, Standing.EQUIVALENT, behind)
-            yield from _forms(search, item, trial.start, fit, declared, added)
+            for form in other_forms(search, item, trial.start, fit):
+                yield _in_form(search, form, declared, added)
 
 
 def _rival(
@@ -146,19 +153,16 @@ def _rival(
     return Rival(name_of(model, added), tuple(added), standing, behind, model, covariance)
 
 
-def _forms(
-    search: Search, item: Accepted, start: Start, fit: Fit, declared: Model, added: Sequence[str]
-) -> Iterator[Rival]:
-    """Yield the rival of a fit in the other forms of an effect that fit as well as what was found.
+def _in_form(search: Search, form: OtherForm, declared: Model, added: Sequence[str]) -> Rival:
+    """Return the rival of an effect in another form.
 
     Args:
-        search: finished. item: what was found. start: of that, or of what stands in its place.
-        fit: with it. declared: the revised model. added: effects of the rival.
+        search: finished. form: of the effect. declared: the revised model.
+        added: effects of the rival.
     """
-    for words, other in other_forms(search, item, start, fit):
-        behind = other.cost - search.fit.cost
-        rival = _rival(search, other, declared, added, Standing.EQUIVALENT, behind)
-        yield replace(rival, form=words)
+    behind = form.fit.cost - search.fit.cost
+    rival = _rival(search, form.fit, declared, added, Standing.EQUIVALENT, behind)
+    return replace(rival, form=form.words)
 
 
 def _other_curves(search: Search, decision: Decision, found: Diagnosis) -> Iterator[Rival]:

@@ -71,24 +71,8 @@ def held_keys(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
 
 def take_best_form(search: Search, item: Accepted) -> bool:
     """Give something that was added its form that fits best; return whether that is another one."""
-    if item.start.is_parameter:
-        return False
-    starts = forms_of(search.problem.plant.layout, item, search.fit)
-    if not starts:
-        return False
-    if any(map(is_swing, starts)):
-        starts = with_periods(search, starts, fit_with_item_off(search, item).vector)
-    kept, place = search.accepted, search.accepted.index(item)
-    others = [other for other in kept if other is not item]
-    search.accepted = others
-    try:
-        begin = places(search, item, starts)
-        tried = side_by_side(lambda place: (place[0], _rough(search, item, *place)), begin)
-        tried.sort(key=lambda trial: trial[1].cost)
-        done = [(start, polish_at_rest(search, fit, [start])) for start, fit in tried[:_FINISHED]]
-    finally:
-        search.accepted = kept
-    inside = [trial for trial in done if not _meets_a_bound(search, *trial)]
+    done = polished(search, item, roughly(search, item)[:_FINISHED])
+    inside = [trial for trial in done if not meets_a_bound(search, *trial)]
     if not inside:
         return False
     start, fit = min(inside, key=lambda trial: trial[1].cost)
@@ -100,13 +84,44 @@ def take_best_form(search: Search, item: Accepted) -> bool:
     hardly = search.fit.cost - fit.cost < search.thresholds.behind_share * found.gain
     equals = item.equivalent if hardly and is_far_above_noise(fit) else ()
     search.fit = fit
-    others.insert(place, replace(item, start=start, comparison=found, equivalent=equals))
-    search.accepted = others
+    place = search.accepted.index(item)
+    search.accepted[place] = replace(item, start=start, comparison=found, equivalent=equals)
     search.excess_left = excess(search.problem, fit)
     return True
 
 
-def _meets_a_bound(search: Search, start: Start, fit: Fit) -> bool:
+def roughly(search: Search, item: Accepted) -> list[tuple[Start, Fit]]:
+    """Return rough fits of an effect's forms, the best first.
+
+    Args:
+        search: with the effect. item: that was added; a parameter has no forms.
+    """
+    if item.start.is_parameter:
+        return []
+    starts = forms_of(search.problem.plant.layout, item, search.fit)
+    if any(map(is_swing, starts)):
+        starts = with_periods(search, starts, fit_with_item_off(search, item).vector)
+    others, begin = _without(search, item), places(search, item, starts)
+    tried = side_by_side(lambda place: (place[0], _rough(others, item, *place)), begin)
+    return sorted(tried, key=lambda trial: trial[1].cost)
+
+
+def polished(
+    search: Search, item: Accepted, tried: Sequence[tuple[Start, Fit]]
+) -> list[tuple[Start, Fit]]:
+    """Return rough fits of an effect's forms fitted to the end."""
+    others = _without(search, item)
+    return [(start, polish_at_rest(others, fit, [start])) for start, fit in tried]
+
+
+def _without(search: Search, item: Accepted) -> Search:
+    """Return the search of all that was added but this."""
+    others = search.snapshot()
+    others.accepted = [other for other in search.accepted if other is not item]
+    return others
+
+
+def meets_a_bound(search: Search, start: Start, fit: Fit) -> bool:
     """Whether a number of a form's shape stands at a bound, where nothing measured holds it."""
     index, known = search.problem.places.index, search.problem.places.by_key
     for key in start.keys:
@@ -146,7 +161,7 @@ def places(
 
 
 def _rough(search: Search, item: Accepted, start: Start, vector: FloatArray) -> Fit:
-    """Return a rough fit of a form from a place."""
+    """Return a rough fit of a form from a place, beside all that was added but the effect."""
     coarse = search.problem.at_step(COARSE)
     dropped = {*item.start.keys} - {*start.keys}
     free = tuple(one for one in free_of(search, vector, [start]) if one.key not in dropped)
