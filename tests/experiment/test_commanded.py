@@ -244,7 +244,46 @@ def test_a_locked_trial_keeps_its_limits_also_where_nothing_was_commanded_before
     found, outputs = responses(folder, "mode: current, setup: {piston: locked}", "6 A", limits)
     column = outputs.index("motor_speed")
     assert np.abs(found.outputs[0][:, :, column]).max() < 1.0
-    assert found.rooms[0].high > 20.0
+    assert found.rooms[0].high > 15.0
+    assert not found.safe
+
+
+@pytest.mark.parametrize(("piston", "command", "cases"), [
+    # under 6 A: switched off, and never used yet
+    ("locked", 6.0, [(6.0, True), (0.0, True), (0.0, False)]),
+    # what is hardly a command: as at rest
+    ("locked", 0.01, [(0.01, True), (0.0, True)]),
+    # it was moving: what it is at rest is not in the log
+    ("free", None, [(0.0, True), (0.0, False)]),
+    # it holds a weight, and would fall without its command
+    ("free", 6.0, [(6.0, True)]),
+])  # fmt: skip
+def test_how_a_machine_may_stand_before_a_trial(
+    tmp_path: Path, piston: str, command: float | None, cases: list[tuple[float, bool]]
+) -> None:
+    folder = write_question(tmp_path / "diagnosis", [rival("command_delay", {"delay": 4e-3})])
+    commanded = Commanded.of(read_question(folder))
+    (tmp_path / "hold.yaml").write_text(
+        f"name: next\ntrials:\n  - {{id: hold, mode: current, setup: {{piston: {piston}}}, "
+        "duration: 0.2 s, signal: {kind: constant, value: 6 A}}\n"
+    )
+    trial = load_suite(tmp_path / "hold.yaml").trials[0]
+    pressures = {"pressure_a": 8e6, "pressure_b": 0.6e6}
+    own = {} if command is None else {commanded.channel: command}
+    found = commanded.before(trial, np.full(20, 6.0), {**pressures, **own})
+    assert [(case.command, bool(case.pressures)) for case in found] == cases
+    assert all(case.pressures in ({}, pressures) for case in found)
+
+
+def test_a_lower_limit_is_that_of_a_machine_that_nobody_has_used_yet(tmp_path: Path) -> None:
+    """Recordings began at 8 and 3 MPa under a command: at rest both chambers hold less."""
+    at_rest = {"current_command": 6.0, "pressure_a": 8e6, "pressure_b": 3e6}
+    folder = write_question(
+        tmp_path / "diagnosis", [rival("command_delay", {"delay": 4e-3})], starts=at_rest
+    )
+    limits = {"pressure_b": Limit(2e6, 30e6)}
+    found, _ = responses(folder, "mode: current, setup: {piston: locked}", "6 A", limits)
+    assert found.rooms[0].low < 1e6
     assert not found.safe
 
 

@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import EhaBenchError, InputError, Place
@@ -20,6 +22,23 @@ from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.experiment.hypothesis import Question
 from eha_bench.plants.plant import Plant
 from eha_bench.posterior.covered import Covered
+
+_SWITCHED_OFF = 0.01
+"""Part of a trial's largest command up to which a machine counts as switched off."""
+
+
+@dataclass(frozen=True)
+class BeforeTrial:
+    """How a machine stands before a trial.
+
+    Attributes:
+        command: given until then, SI.
+        pressures: channel -> where its simulation begins, SI; what is not in it is as the plant
+            rests.
+    """
+
+    command: float
+    pressures: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -78,22 +97,30 @@ class Commanded:
 
     def before(
         self, trial: Trial, reference: FloatArray, starts: Mapping[str, float]
-    ) -> tuple[float, ...]:
-        """Return what may be commanded before a trial, the most likely first, SI.
+    ) -> tuple[BeforeTrial, ...]:
+        """Return how a machine may stand before a trial, the most likely first.
 
         What follows a position stands where it is asked to be first. Anything else stands as where
         recordings began. Where the piston is locked and so holds any weight, it may as well be
-        switched off until the trial begins.
+        switched off until the trial begins; and where recordings began under a command or in
+        motion, its pressures may then be those of a machine that nobody has used yet.
 
         Args:
-            trial: to run. reference: of it, (n,). starts: channel -> what a machine at rest is
-                commanded.
+            trial: to run. reference: of it, (n,). starts: channel -> what the machine read where
+                recordings began, SI; without the command where it was not at rest there.
         """
+        read = {name: value for name, value in starts.items() if name != self.channel}
         if self.follows or self.is_imposed_position:
-            return (float(reference[0]),)
-        recorded = starts.get(self.channel, 0.0)
-        off = (0.0,) if trial.setup.piston is Piston.LOCKED else ()
-        return tuple(dict.fromkeys((recorded, *off)))
+            return (BeforeTrial(float(reference[0]), read),)
+        recorded = starts.get(self.channel)
+        cases = [BeforeTrial(recorded or 0.0, read)]
+        if trial.setup.piston is Piston.LOCKED:
+            cases.append(BeforeTrial(0.0, read))
+        little = _SWITCHED_OFF * float(np.abs(reference).max(initial=0.0))
+        under_way = recorded is None or abs(recorded) > little
+        if read and under_way and (recorded is None or trial.setup.piston is Piston.LOCKED):
+            cases.append(BeforeTrial(0.0, {}))
+        return tuple(case for k, case in enumerate(cases) if case not in cases[:k])
 
     def start(self, trial: Trial, reference: FloatArray) -> dict[str, float]:
         """Return where a trial starts, channel -> SI: what is led is where it is asked to be."""

@@ -14,7 +14,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.processors import usable_processors
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
-from eha_bench.experiment.commanded import Commanded
+from eha_bench.experiment.commanded import BeforeTrial, Commanded
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import SHARE, SIGMAS, Limit, SetUp
 from eha_bench.plants.network.integration import LANES
@@ -204,16 +204,16 @@ def _after_command(
     trial: Trial,
     bench: Bench,
     commanded: Commanded,
-    before: float,
+    before: BeforeTrial,
 ) -> tuple[FloatArray, ...]:
-    """Return the outputs of a trial before which so much was commanded, by every rival."""
+    """Return the outputs of a trial before which a machine stood so, by every rival."""
     reference = trial.reference(trial.clock())
     rest = round(REST * trial.sample_rate)
-    command = np.concatenate((np.full(rest, before), reference))
+    command = np.concatenate((np.full(rest, before.command), reference))
     inputs = {name: np.full(command.size, value) for name, value in bench.inputs.items()}
     inputs[commanded.channel] = command
-    at_rest = bench.starts.get((trial.setup.piston, trial.setup.bypass), {})
-    start = rivals[0].model.plant.unbent({**at_rest, **commanded.start(trial, reference)})
+    places = commanded.start(trial, reference)
+    start = rivals[0].model.plant.unbent({**before.pressures, **places})
     start.pop(commanded.channel, None)
     drive = Drive(
         np.arange(command.size) / trial.sample_rate,
