@@ -123,9 +123,9 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
         if item.why:
             typer.echo(f"-   {item.name}: not ranked, {item.why}")
             continue
-        outlook = f"{item.reached:.2g} of what is needed"
+        outlook = _share_of_what_is_needed(item.reached)
         if isfinite(item.error):
-            outlook = f"the model errs {item.error:.2g} times as much as in what was fitted"
+            outlook = f"the model errs {_times_as_much(item.error)} as in what was fitted"
         elif isfinite(item.right):
             outlook = (
                 f"names the right one in {per_cent(item.right)}, "
@@ -134,6 +134,19 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
         typer.echo(f"{place:<3} {item.name}: {item.seconds:.3g} s, {outlook}")
     if all(item.why for item in found):
         raise InputError("none of the recordings could be ranked", hint="the list says why of each")
+
+
+def _share_of_what_is_needed(share: float) -> str:
+    """Return how much of what decides a recording gives, in words."""
+    if share >= 2.0:
+        return f"{share:.0f} times what a decision needs"
+    return f"{per_cent(share)} of what a decision needs"
+
+
+def _times_as_much(ratio: float) -> str:
+    """Return a ratio of two errors, in words."""
+    times = f"{ratio:.2g}"
+    return "as much" if times == "1" else f"{times} times as much"
 
 
 def close(

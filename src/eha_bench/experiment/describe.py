@@ -11,9 +11,11 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.trial import Bypass, Piston
+from eha_bench.diagnosis.outcome.rival import NO_EFFECT
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.decision import DrawRows, distances, inner_products, layout_of
 from eha_bench.experiment.hypothesis import Hypothesis
+from eha_bench.experiment.narrowing import counted_parameters
 from eha_bench.experiment.proposal import NEAR, Band, PlannedTrial, Proposal
 from eha_bench.experiment.response import LimitMargin, Responses
 
@@ -61,8 +63,27 @@ def _most(levels: Sequence[object]) -> str:
     return max(words, key=lambda word: float(word.split()[0]), default="")
 
 
-def sentence_of(proposal: Proposal) -> str:
-    """Say what a proposal is worth."""
+def causes_in_words(rivals: Sequence[Hypothesis]) -> dict[str, str]:
+    """Return what stands for each cause in a sentence, by cause.
+
+    A rival without effects has a number that is declared wrongly, where it alone fits one.
+    """
+    found = {rival.cause: rival.cause for rival in rivals}
+    for rival in rivals:
+        if rival.cause != NO_EFFECT:
+            continue
+        others = {key for other in rivals if other.cause != NO_EFFECT for key in other.keys}
+        own = [key for key in counted_parameters(rival.keys) if key not in others]
+        found[rival.cause] = f"another {' and '.join(own)}" if own else "no effect"
+    return found
+
+
+def sentence_of(proposal: Proposal, causes: Mapping[str, str]) -> str:
+    """Say what a proposal is worth.
+
+    Args:
+        proposal: without its sentence. causes: what stands for each of its rivals.
+    """
     what = "; then ".join(_counted(trial.words for trial in proposal.trials))
     what = what[:1].upper() + what[1:]
     seconds = f"{proposal.bench_seconds:.3g} s of bench time"
@@ -75,10 +96,10 @@ def sentence_of(proposal: Proposal) -> str:
         short = "" if right >= proposal.asked else (
             f" (less than the {per_cent(proposal.asked)} asked for)"
         )  # fmt: skip
+        named = ", ".join(causes[name] for name in proposal.rivals)
         return (
-            f"{what}. With {seconds} the diagnosis then names the right one of "
-            f"{', '.join(proposal.rivals)} in {per_cent(right)} of cases{short} and a wrong "
-            f"one in {per_cent(wrong, 1)}.{close}"
+            f"{what}. With {seconds} the diagnosis then names the right one of {named} in "
+            f"{per_cent(right)} of cases{short} and a wrong one in {per_cent(wrong, 1)}.{close}"
         )
     worst = proposal.widths[0]
     after = max(proposal.widths, key=lambda item: item.after)
@@ -89,7 +110,7 @@ def sentence_of(proposal: Proposal) -> str:
         f"; the widest is then {after.parameter}, {width_words(after.after, after.of)}"
     )  # fmt: skip
     return (
-        f"{what}. {seconds} reduce the interval of {worst.parameter} from "
+        f"{what}. It takes {seconds} and reduces the interval of {worst.parameter} from "
         f"{width_words(worst.before, worst.of)} to {width_words(worst.after, worst.of)}{rest}"
         f"{short}.{close}"
     )

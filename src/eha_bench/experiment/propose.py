@@ -23,7 +23,7 @@ from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
-from eha_bench.diagnosis.outcome.rival import Standing
+from eha_bench.diagnosis.outcome.rival import NO_EFFECT, Standing
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.decision import (
@@ -35,6 +35,7 @@ from eha_bench.experiment.decision import (
 )
 from eha_bench.experiment.describe import (
     broken_limit,
+    causes_in_words,
     planned_trial,
     sentence_of,
     width_words,
@@ -221,11 +222,12 @@ class _Planner:
         """Say how far the best experiment comes, and which sensor would help."""
         sensor = advice(self.rivals, found.layout, found.surest, self.plan, self.simulator.bench,
                         self.permitted.limits)  # fmt: skip
+        causes = " and ".join(causes_in_words(self.rivals).values())
         why = (
-            f"no permitted experiment within {self.budget:g} s separates "
-            f"{' and '.join(self.causes)}: the best of {self.simulator.tried} "
-            f"experiments would name the right one in {per_cent(found.odds.right)} of cases and a "
-            f"wrong one in {per_cent(found.odds.wrong, 1)}"
+            f"no permitted experiment within {self.budget:g} s separates {causes}: "
+            f"the best of {self.simulator.tried} experiments would name the right one in "
+            f"{per_cent(found.odds.right)} of cases and a wrong one in "
+            f"{per_cent(found.odds.wrong, 1)}"
         )
         if sensor is not None:
             why += f"; log {sensor.channel} as well and it would in {per_cent(sensor.right)}"
@@ -274,7 +276,7 @@ class _Planner:
     def _why_nothing_open(self) -> str:
         rival = self.rivals[0]
         left = "no missing effect was found"
-        if rival.cause != "none":
+        if rival.cause != NO_EFFECT:
             left = f"no rival of '{rival.cause}' is left"
         return (
             f"nothing is open: {left}, and every parameter is known within {per_cent(self.within)}"
@@ -351,7 +353,8 @@ class _Planner:
             notes=tuple(self._notes()),
             tried=simulator.tried,
         )
-        return replace(proposal, sentence=sentence_of(proposal))
+        causes = causes_in_words(self.rivals)
+        return replace(proposal, sentence=sentence_of(proposal, causes))
 
     @property
     def _asked(self) -> float:

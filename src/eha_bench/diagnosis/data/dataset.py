@@ -509,8 +509,9 @@ def _comparable(
         RecordingError: it has too few samples, or is longer than a day.
     """
     if len(recording) < fewest:
+        samples = "sample" if len(recording) == 1 else "samples"
         raise RecordingError(
-            f"only {len(recording)} samples{_window(part)}, too few to compare a model with",
+            f"only {len(recording)} {samples}{_window(part)}, too few to compare a model with",
             where=Place(file=str(part.log)),
             hint=_way_to_window(topics, part) if _window(part) else "",
         )

@@ -11,6 +11,8 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.diagnosis.fit.uncertainty import Covariance
 from eha_bench.plants.model import Model
 
+NO_EFFECT = "none"
+"""Cause of a rival without any effect."""
 RIVALS_FOLDER = "rivals"
 """Where the models of rivals are, beside diagnosis.json."""
 
@@ -31,7 +33,7 @@ class Rival:
     """One explanation of the data.
 
     Attributes:
-        cause: its effects, joined by `+`; `none` for none; a learned curve with what it follows.
+        cause: its effects, joined by `+`, or `NO_EFFECT`; a learned curve with what it follows.
         effects: ids of what the model has beyond the declared one.
         form: what differs from the first rival of this cause, in words; "" for the first.
         standing: found, equivalent or runner-up.

@@ -21,7 +21,7 @@ from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.other_forms import OtherForm, other_forms
 from eha_bench.diagnosis.outcome.revise import revised_model
-from eha_bench.diagnosis.outcome.rival import Rival, Standing
+from eha_bench.diagnosis.outcome.rival import NO_EFFECT, Rival, Standing
 from eha_bench.diagnosis.search.equivalent import is_as_good
 from eha_bench.diagnosis.search.exchange import fit_in_place
 from eha_bench.diagnosis.search.state import Accepted, Search
@@ -43,7 +43,7 @@ def name_of(model: Model, added: Sequence[str]) -> str:
     for name in added:
         values = next((item.values for item in model.effects if item.id == name), {})
         words.append(f"{name} of {values['variable']}" if name == LEARNED else name)
-    return "+".join(words) or "none"
+    return "+".join(words) or NO_EFFECT
 
 
 def found_rival(search: Search, fit: Fit, model: Model, added: Sequence[str]) -> Rival:
