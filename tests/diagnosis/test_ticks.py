@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -197,6 +199,19 @@ def test_rows_that_a_table_has_lost_are_ticks_without_readings() -> None:
     for column in found.recording.values.values():
         assert (np.isfinite(column) == rows).all()
     assert not found.is_of_several
+
+
+def test_rows_are_lost_also_where_stamps_scatter_by_a_quarter_of_a_period() -> None:
+    """Stamps 1 ms off a clock of 4 ms: single steps do not tell how many rows were lost."""
+    rng = np.random.default_rng(3)
+    rows = rng.random(2000) > 0.01
+    rows[[0, -1]] = True
+    table = _table(rows, 4e-3)
+    stamps = table.time + rng.uniform(-1e-3, 1e-3, table.time.size)
+    found = on_ticks([replace(table, time=stamps)], ["current_command"], ["motor_speed"])
+    assert found.logged is not None
+    assert (found.logged == rows).all()
+    assert found.recording.time[rows] == pytest.approx(stamps, abs=1e-12)
 
 
 def test_a_table_that_is_paused_or_irregular_stays_as_it_is() -> None:

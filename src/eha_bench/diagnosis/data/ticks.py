@@ -37,6 +37,8 @@ _OTHERS = 0.1
 """Share of a table's rows without an input from which these are rows of another clock."""
 _ALIKE = 0.1
 """Share of a channel's rows without another one up to which both tick together."""
+_MOSTLY = 0.5
+"""Least share of steps of one period of a topic that ticks regularly."""
 _LOST = 20
 """Most messages in a row that a regular topic may lose and still have lost them."""
 
@@ -296,14 +298,25 @@ def _with_lost_ticks(time: FloatArray) -> FloatArray:
     if time.size < 3:
         return time
     steps = np.diff(time)
+    count = _periods(time)
+    gaps = np.flatnonzero((count > 1) & (count <= _LOST + 1))
+    own = [time[k] + steps[k] * np.arange(1, int(count[k])) / count[k] for k in gaps]
+    return np.sort(np.concatenate([time, *own]))
+
+
+def _periods(time: FloatArray) -> FloatArray:
+    """Return how many periods pass between samples, (n - 1,); 1 where that is not known.
+
+    Where stamps scatter, single steps do not tell it, and the clock that all stamps stay near does.
+    """
+    steps = np.diff(time)
     usual = float(np.median(steps))
     count = np.rint(steps / usual)
     regular = np.abs(steps - count * usual) <= _PERIODIC * usual
-    if np.mean(regular & (count == 1)) < 0.5 or np.mean(regular) < _USUALLY:
-        return time
-    gaps = np.flatnonzero(regular & (count > 1) & (count <= _LOST + 1))
-    own = [time[k] + steps[k] * np.arange(1, int(count[k])) / count[k] for k in gaps]
-    return np.sort(np.concatenate([time, *own]))
+    if np.mean(regular) < _USUALLY and (clock := clock_beside(time)) is not None:
+        count, regular = np.diff(clock.tick), np.ones(steps.size, dtype=np.bool_)
+    usually = np.mean(regular) >= _USUALLY and np.mean(regular & (count == 1)) >= _MOSTLY
+    return np.where(regular, count, 1.0) if usually else np.ones(steps.size)
 
 
 def _with_own(ticks: FloatArray, time: FloatArray, reach: float) -> FloatArray:
