@@ -12,6 +12,8 @@ from scipy.signal import butter, lfilter
 from eha_bench.diagnosis.data.colour import (
     Colour,
     _affordable_stretches,
+    _minus_twice_log,
+    _parabolas,
     _standard_errors,
     colour_of,
 )
@@ -173,3 +175,23 @@ def test_what_is_new_in_noise_has_the_squares_of_its_inverse_covariance(count) -
     covariance = toeplitz(colour.correlations(count))
     expected = np.einsum("ij,ij->j", values, np.linalg.solve(covariance, values))
     assert np.sum(white**2, axis=0) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("partial", [(0.9,), (0.7, -0.4, 0.2), (0.5, 0.0, 0.3, -0.2, 0.98)])
+def test_a_likelihood_is_that_of_whole_covariances(partial) -> None:
+    """Of tables of other sizes, one of them hardly longer than what the process remembers."""
+    colour = Colour(partial)
+    generator = np.random.default_rng(5)
+    tables = [generator.normal(size=shape) for shape in ((90, 4), (6, 3))]
+    square, volume, count = 0.0, 0.0, 0
+    for table in tables:
+        size, columns = table.shape
+        basis = _parabolas(size)
+        inverse = np.linalg.inv(toeplitz(colour.correlations(size)))
+        inner = basis.T @ inverse @ basis
+        beside = inverse - inverse @ basis @ np.linalg.solve(inner, basis.T @ inverse)
+        square += np.einsum("ij,ik,kj->", table, beside, table)
+        volume += columns * (np.linalg.slogdet(inner)[1] - np.linalg.slogdet(inverse)[1])
+        count += columns * (size - 3)
+    expected = volume + count * np.log(square / count)
+    assert _minus_twice_log(colour, tables) == pytest.approx(expected, rel=1e-9)
