@@ -50,7 +50,7 @@ def recorded(name: str, folder: Path, number: int, scale: float) -> str:
     """
     noise = np.random.default_rng(number)
     step, every = 1e-4, 50
-    time = np.arange(0.0, 5.0, step)
+    time = np.arange(0.0, 2.5, step)
     current = sum(
         size * np.sin(2.0 * np.pi * rate * (1.0 + 0.13 * number) * time + number)
         for size, rate in ((1.6, 0.5), (1.2, 1.3), (0.8, 2.9))

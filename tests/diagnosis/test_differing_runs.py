@@ -70,9 +70,15 @@ def differing(base: Baseline) -> DifferingParameters | None:
     return differing_parameters(base, excess(base.problem, base.fit))
 
 
+@pytest.fixture(scope="module")
+def of_three_loads(tmp_path_factory: pytest.TempPathFactory) -> Baseline:
+    """Calibrated once, on three runs of which each has its own load."""
+    return calibrated(tmp_path_factory.mktemp("loads"), [2.0, -3.0, 5.0], [0.0, 0.0, 0.0])
+
+
 @pytest.mark.slow  # a whole calibration
-def test_a_load_that_differs_is_found_with_its_value_in_each_run(tmp_path: Path) -> None:
-    found = differing(calibrated(tmp_path, [2.0, -3.0, 5.0], [0.0, 0.0, 0.0]))
+def test_a_load_that_differs_is_found_with_its_value_in_each_run(of_three_loads: Baseline) -> None:
+    found = differing(of_three_loads)
     assert found is not None
     assert found.units == {"load": "N"}
     assert list(found.values["load"].values()) == pytest.approx([2.0, -3.0, 5.0], abs=0.05)
@@ -81,8 +87,9 @@ def test_a_load_that_differs_is_found_with_its_value_in_each_run(tmp_path: Path)
     assert "-2.999 in 1" in found.note
 
 
-def test_parts_of_one_log_do_not_differ(tmp_path: Path) -> None:
-    base = calibrated(tmp_path, [2.0, -3.0, 5.0], [0.0, 0.0, 0.0])
+@pytest.mark.slow  # a whole calibration
+def test_parts_of_one_log_do_not_differ(of_three_loads: Baseline) -> None:
+    base = of_three_loads
     log = base.measured[0].run.log
     parts = tuple(replace(item, run=replace(item.run, log=log)) for item in base.measured)
     assert differing(replace(base, measured=parts)) is None
@@ -141,9 +148,10 @@ def test_runs_that_are_alike_do_not_differ(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow(20)
-def test_a_diagnosis_notes_it_where_nothing_else_explains_what_is_missing(tmp_path: Path) -> None:
-    calibrated(tmp_path, [2.0, -3.0, 5.0], [0.0, 0.0, 0.0])
-    found = diagnose(tmp_path / "dataset.yaml")
+def test_a_diagnosis_notes_it_where_nothing_else_explains_what_is_missing(
+    of_three_loads: Baseline,
+) -> None:
+    found = diagnose(of_three_loads.measured[0].run.log.with_name("dataset.yaml"))
     assert found.verdict is Verdict.UNKNOWN
     assert any(note.startswith("load seems to differ from run to run") for note in found.notes)
 

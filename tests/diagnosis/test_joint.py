@@ -24,12 +24,16 @@ from eha_bench.diagnosis.search import joint as module
 from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.state import Accepted, begin
 
+SECONDS = 2.0
+"""Of each of ten runs: half a sample's."""
+
 
 @pytest.mark.slow(31)
 def test_two_effects_are_found_from_the_calibrated_model_alone(tmp_path: Path) -> None:
     hidden = (by_id("seal_friction")[0], by_id("torque_saturation")[0])
     plan = Plan("case", "two", hidden, ("strong", "middle"), (1, 2, 3))
-    search = begin(calibrated_baseline(load_dataset(record_case(plan, tmp_path, Conditions()))))
+    path = record_case(plan, tmp_path, Conditions(duration=SECONDS))
+    search = begin(calibrated_baseline(load_dataset(path)))
     assert joint(search)
     assert {item.start.candidate for item in search.effects} == {item.id for item in hidden}
     assert search.excess_left.total < 0.2 * search.excess_base.total
@@ -38,7 +42,8 @@ def test_two_effects_are_found_from_the_calibrated_model_alone(tmp_path: Path) -
 @pytest.mark.slow
 def test_no_pair_is_made_of_what_is_outside_the_list(tmp_path: Path) -> None:
     plan = Plan("case", "foreign", tuple(by_id("supply_sag")), ("strong",), (1, 2, 4))
-    search = begin(calibrated_baseline(load_dataset(record_case(plan, tmp_path, Conditions()))))
+    path = record_case(plan, tmp_path, Conditions(duration=SECONDS))
+    search = begin(calibrated_baseline(load_dataset(path)))
     fit = search.fit
     assert not joint(search)
     assert search.fit is fit

@@ -57,7 +57,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     random = np.random.default_rng(8)
     cut = round(0.36 * RATE)
     for number, frequency in enumerate((1.3, 2.1, 1.7)):
-        time = np.arange(0.0, 2.4, 1.0 / RATE)
+        time = np.arange(0.0, 1.6, 1.0 / RATE)
         command = 6.0 * np.sin(2 * np.pi * frequency * time) + 3.0 * np.sin(11.0 * time + number)
         values = model.plant.simulate(vector, Drive(time, {"current_command": command}, {}), 5e-5)
         shown = dict(zip(model.plant.outputs, values.T, strict=True))

@@ -83,7 +83,7 @@ def test_what_is_no_line_of_a_balance_says_nothing(said: str) -> None:
 
 def pushed(seed: int, frequencies: tuple[float, float]) -> Recording:
     """A cart on a spring that its plant file lacks, by SciPy's integrator; a load pulls back."""
-    time = np.arange(0.0, 4.0, 2e-3)
+    time = np.arange(0.0, 2.0, 2e-3)
     push = sum(40.0 * np.sin(2.0 * np.pi * f * time) for f in frequencies)
 
     def rates(t: float, y: np.ndarray) -> list[float]:

@@ -51,7 +51,8 @@ def killed_run(
         while not int.from_bytes(page.read_bytes()[:8], "little"):
             assert time.monotonic() < deadline, "the writer did not start"
             time.sleep(0.005)
-        time.sleep(choice.uniform(0.0, 1.2))
+        # more than two of the periods after which it saves
+        time.sleep(choice.uniform(0.0, 0.6))
     finally:
         moment = time.monotonic()
         process.kill()
