@@ -105,6 +105,25 @@ def test_a_mixture_of_one_is_students_t() -> None:
     assert one.quantile(0.975) == pytest.approx(theirs.ppf(0.975))
 
 
+@pytest.mark.parametrize("share", [1e-6, 0.025, 0.5, 0.975])
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 0.3, 1e4])
+def test_a_share_of_a_mixture_lies_below_its_quantile(share: float, apart: float) -> None:
+    centres, errors = np.array([1.0, 1.0 + apart, 1.0]), np.array([0.2, 0.2, 0.2 + apart])
+    mixture = StudentMixture(np.array([0.2, 0.5, 0.3]), centres, errors, 3.0)
+    theirs = stats.t(3.0, centres, errors)
+    value = mixture.quantile(share)
+    assert mixture.weights @ theirs.cdf(value) == pytest.approx(share, rel=1e-8)
+    # and it is not asked for hundreds of times of each
+    asked: list[float] = []
+    with pytest.MonkeyPatch.context() as patch:
+        below = StudentMixture.below
+        patch.setattr(
+            StudentMixture, "below", lambda own, at: (asked.append(at), below(own, at))[1]
+        )
+        mixture.quantile(share)
+    assert len(asked) < 30
+
+
 def test_independent_metrics_vouch_for_each_other() -> None:
     rng = np.random.default_rng(2)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,8 @@ from scipy.special import stdtr
 
 from eha_bench.core.arrays import FloatArray
 
-_HALVINGS = 60
+_EXACT = 1e-15
+"""Of a quantile, as a share: a few roundings."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +46,18 @@ class StudentMixture:
         """Return the value that a share of the distribution lies below, 0 < share < 1."""
         component = self.centres + self.errors * _student_quantile(self.degrees, share)
         low, high = float(component.min()), float(component.max())
-        for _ in range(_HALVINGS):  # it lies between the components' own quantiles
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if self.below(middle) < share else (low, middle)
-        return 0.5 * (low + high)
+        # it lies between the components' own quantiles, but for rounding
+        if self.below(low) >= share:
+            return low
+        if self.below(high) <= share:
+            return high
+        return _zero(lambda value: self.below(value) - share, low, high)
+
+
+def _zero(function: Callable[[float], float], low: float, high: float) -> float:
+    from scipy.optimize import brentq
+
+    return float(brentq(function, low, high, xtol=_EXACT * (high - low), rtol=_EXACT))
 
 
 def _student_quantile(degrees: float, share: float) -> float:
