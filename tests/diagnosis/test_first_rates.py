@@ -57,7 +57,7 @@ def logs(folder: Path, dry: float, cut: int) -> Path:
     )
     rows = []
     for number, begins in enumerate((0.0, 0.5, 0.25)):
-        time = np.arange(0.0, 3.0, 0.01)
+        time = np.arange(0.0, 2.0, 0.01)
         angle = np.round(fall(time, dry, begins) / STEP) * STEP
         table = np.column_stack([time[cut:] - time[cut], angle[cut:]])
         np.savetxt(folder / f"{number}.csv", table, delimiter=",", header="time,angle", comments="")

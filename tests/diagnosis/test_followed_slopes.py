@@ -247,7 +247,7 @@ def test_a_slope_within_its_noise_is_not_followed(tmp_path: Path) -> None:
 def turned(model: Model, at: Path, seed: int) -> None:
     """Log what a turntable does as its valve opens and closes."""
     generator = np.random.default_rng(seed)
-    time = np.arange(0.0, 4.0, 2.5e-3)
+    time = np.arange(0.0, 3.0, 2.5e-3)
     tones = [np.sin(2.0 * np.pi * (f * time + generator.random())) for f in (0.35, 0.8, 1.7, 3.1)]
     command = 0.9 * np.sum(tones, axis=0)
     initial = {"table_angle": 0.0, "p_in": 60e5, "p_out": 60e5}

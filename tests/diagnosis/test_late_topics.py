@@ -50,10 +50,10 @@ STEP, EVERY = 1e-4, 50
 _TORQUES = ("rotor.inertia", "motor.torque_constant")
 
 
-def _messages(number: int, lag: float) -> dict[str, np.ndarray]:
+def _messages(number: int, lag: float, seconds: float) -> dict[str, np.ndarray]:
     """Drive the fan by steps and a sine, and read it at 200 Hz, its speed with a lag."""
     generator = np.random.default_rng(number)
-    time = np.arange(0.0, 4.0, STEP)
+    time = np.arange(0.0, seconds, STEP)
     levels = np.repeat(generator.uniform(-0.6, 0.6, 16), time.size // 16)
     duty = levels + 0.25 * np.sin(2.0 * np.pi * (1.5 + 0.5 * number) * time)
     duty = np.repeat(duty[::EVERY], EVERY)
@@ -92,13 +92,20 @@ def _write(path: Path, messages: dict[str, np.ndarray], late: dict[str, float]) 
         writer.finish()
 
 
-def _dataset(folder: Path, *, late: dict[str, float], lag: float = 0.0, plant: str = PLANT) -> Path:
+def _dataset(
+    folder: Path,
+    *,
+    late: dict[str, float],
+    lag: float = 0.0,
+    plant: str = PLANT,
+    seconds: float = 2.0,
+) -> Path:
     """Record four runs of the fan, in a topic for each channel."""
     (folder / "plant.yaml").write_text(plant, encoding="utf-8")
     (folder / "channels.yaml").write_text(CHANNELS, encoding="utf-8")
     runs = ""
     for number in range(4):
-        _write(folder / f"run{number}.mcap", _messages(number, lag), late)
+        _write(folder / f"run{number}.mcap", _messages(number, lag, seconds), late)
         runs += f"  - {{log: run{number}.mcap, use: {'holdout' if number == 3 else 'train'}}}\n"
     path = folder / "dataset.yaml"
     path.write_text(
@@ -139,7 +146,8 @@ def test_a_late_topic_is_no_effect(tmp_path: Path) -> None:
 @pytest.mark.slow(60)
 def test_a_late_topic_beside_another_cause_is_no_lag(tmp_path: Path) -> None:
     """Of an undeclared friction more remains than of the clock: only beside it does that show."""
-    found = diagnose(_dataset(tmp_path, late={"/drive": LATE}, plant=WITHOUT_FRICTION))
+    dataset = _dataset(tmp_path, late={"/drive": LATE}, plant=WITHOUT_FRICTION, seconds=4.0)
+    found = diagnose(dataset)
     assert [item.id for item in found.effects] == ["coulomb_friction"]
     assert found.lateness["motor_speed"].value == pytest.approx(LATE, abs=0.2e-3)
 

@@ -46,7 +46,7 @@ def test_a_drag_is_placed_in_the_torque_and_follows_the_speed(tmp_path: Path) ->
     generator = np.random.default_rng(3)
     text = "model: plant.yaml\ninputs: [current_command]\nruns:\n"
     for number in range(2):
-        current = np.repeat(generator.uniform(-8.0, 8.0, 60), 20)
+        current = np.repeat(generator.uniform(-8.0, 8.0, 30), 20)
         speed = with_drag(current) + 0.05 * generator.standard_normal(current.size)
         columns = {"current_command": current, "motor_speed": speed}
         write(tmp_path / f"{number}.mcap", Recording(TICK * np.arange(current.size), columns))

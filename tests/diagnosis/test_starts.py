@@ -39,7 +39,7 @@ COLUMNS = np.random.default_rng(1).standard_normal((SIZE, 2))
     ],
 )
 def test_a_start_twenty_times_off_arrives(tmp_path, factors):
-    path = write_drive(tmp_path, friction=0.0, seconds=2.0)
+    path = write_drive(tmp_path, friction=0.0, seconds=1.2)
     text = "model: linear_drive\nparameters: {{mass: {} kg, viscous_friction: {} N*s/m}}\n"
     text += "calibrate: [mass, viscous_friction]\n"
     (tmp_path / "model.yaml").write_text(text.format(95.0 * factors[0], 210.0 * factors[1]))
@@ -58,7 +58,7 @@ def test_a_start_twenty_times_off_arrives(tmp_path, factors):
 
 
 def test_what_is_declared_as_nothing_is_found(tmp_path):
-    path = write_drive(tmp_path, friction=0.0, seconds=2.0)
+    path = write_drive(tmp_path, friction=0.0, seconds=1.2)
     text = "model: linear_drive\nparameters: {mass: 95 kg, viscous_friction: 0}\n"
     (tmp_path / "model.yaml").write_text(text + "calibrate: [mass, viscous_friction]\n")
     found = calibrate(path)
