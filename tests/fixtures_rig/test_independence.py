@@ -1,6 +1,7 @@
 """A rig that shared code with the product would agree with it for the wrong reason."""
 
 import ast
+import re
 from pathlib import Path
 
 ALLOWED = {
@@ -8,6 +9,7 @@ ALLOWED = {
     "math", "mcap", "numba", "numpy", "pathlib", "pyarrow", "ruamel", "shutil", "sys", "time",
     "typing",
 }  # fmt: skip
+IMPORTING = re.compile("fixtures|__import__|exec|eval")
 
 
 def imported(path: Path) -> set[str]:
@@ -33,4 +35,7 @@ def test_the_rig_imports_nothing_of_the_product(repository: Path) -> None:
 
 def test_the_product_imports_nothing_of_the_rig(repository: Path) -> None:
     for path in (repository / "src").rglob("*.py"):
+        # to parse them all takes seconds, and nothing is imported without one of these words
+        if not IMPORTING.search(path.read_text(encoding="utf-8")):
+            continue
         assert "fixtures" not in imported(path), path.name
