@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,6 +10,7 @@ import pytest
 from chromium import Page
 
 import eha_bench as eb
+from forked import Forked
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "comparison"))
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "tools"))
@@ -80,7 +80,7 @@ def test_no_serious_finding_in_nights_and_comparisons(
 
 
 @pytest.fixture(scope="module")
-def pages_of_the_loop(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def pages_of_the_loop(forked: Forked, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Every other page, as the commands write it in a new project."""
     work = tmp_path_factory.mktemp("project")
     for name, text in terminal.FILES.items():
@@ -92,8 +92,7 @@ def pages_of_the_loop(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         *(terminal.COMMANDS[name].partition(" ")[2] for name in terminal.LOOP),
         "close dataset.yaml --target target.yaml --out loop --rounds 1",
     ):
-        command = [sys.executable, "-m", "eha_bench", *words.split()]
-        done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
+        done = forked.run(*words.split(), folder=work)
         assert done.returncode in (0, 1), done.stderr
     pages = [
         "diagnosis/diagnosis.html", "swept/sweep.html", "tuned/tuning.html",
