@@ -23,7 +23,7 @@ def dataset(
 ) -> Dataset:
     """Return a drive with dry friction that rests and reverses, as it is and as declared."""
     truth = Model("linear_drive", {**DECLARED, "mass": mass, "creep_speed": creep}, (), EFFECTS)
-    time = np.arange(0.0, 3.0, 2e-3)
+    time = np.arange(0.0, 2.0, 2e-3)
     voltage = np.clip(1.2 * np.sin(2 * np.pi * 0.7 * time), -0.9, 0.9)
     voltage *= np.sin(2 * np.pi * 0.2 * time)
     drive = Drive(time, {"voltage": voltage}, {"piston_position": 0.0})

@@ -27,7 +27,7 @@ from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_drive(tmp_path_factory.mktemp("drive"), seconds=1.5)
+    return write_drive(tmp_path_factory.mktemp("drive"), seconds=1.0)
 
 
 def assert_same(one: Diagnosis, two: Diagnosis) -> None:

@@ -37,7 +37,7 @@ SIZE = 1000
 
 def driven(amplitude: float, frequency: float, seed: int) -> Recording:
     """Turn a shaft that a drag with the cube of its speed slows, always one way, and read it."""
-    time = np.arange(0.0, 5.0, 2e-3)
+    time = np.arange(0.0, 3.0, 2e-3)
     command = 6.0 + amplitude * np.sin(2.0 * np.pi * frequency * time)
     step, speed, read = 1e-4, 0.0, np.empty(time.size)
     for tick, current in enumerate(command):

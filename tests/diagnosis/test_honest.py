@@ -574,7 +574,7 @@ def assert_kept(out: Path, stage: str, effects: list[str]) -> None:
 
 def test_a_stage_that_fails_leaves_what_was_found_before(tmp_path, monkeypatch):
     break_stage(monkeypatch, "conclusion.with_replay_errors")
-    result = diagnose(write_drive(tmp_path, seconds=1.5), tmp_path / "out")
+    result = diagnose(write_drive(tmp_path, seconds=1.0), tmp_path / "out")
     assert result.failed is not None
     assert result.failed.stage == "score"
     assert not result.complete
@@ -584,7 +584,7 @@ def test_a_stage_that_fails_leaves_what_was_found_before(tmp_path, monkeypatch):
 @pytest.mark.slow  # a whole search
 def test_the_command_names_the_stage_and_leaves_with_a_status_of_its_own(tmp_path, monkeypatch):
     break_stage(monkeypatch, "conclusion.decide")
-    arguments = ["diagnose", str(write_drive(tmp_path, seconds=1.5)), "--out", str(tmp_path / "o")]
+    arguments = ["diagnose", str(write_drive(tmp_path, seconds=1.0)), "--out", str(tmp_path / "o")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == BUG
     assert "the stage 'decide' failed" in result.output
@@ -594,7 +594,7 @@ def test_the_command_names_the_stage_and_leaves_with_a_status_of_its_own(tmp_pat
 
 def test_a_calibration_is_there_before_its_errors(tmp_path, monkeypatch):
     break_stage(monkeypatch, "calibrate.scores_of")
-    arguments = ["calibrate", str(write_drive(tmp_path, seconds=1.5)), "--out", str(tmp_path / "o")]
+    arguments = ["calibrate", str(write_drive(tmp_path, seconds=1.0)), "--out", str(tmp_path / "o")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == BUG
     content = json.loads((tmp_path / "o" / "calibration.json").read_text())
