@@ -37,7 +37,7 @@ def tutorial_files(folder: Path) -> None:
 
 
 def make(gallery: Path) -> None:
-    """Run everything; two at a time, for most of it waits for no other."""
+    """Run everything, pictures of the terminal included; most of it waits for no other."""
     shutil.rmtree(gallery, ignore_errors=True)
     work = gallery / "work"
     tutorial_files(work)
@@ -59,7 +59,13 @@ def make(gallery: Path) -> None:
               accepted=(0, 1))  # fmt: skip
         bench("run", DOCS / "tools" / "bode.yaml", "--out", gallery / "bode", where=work)
 
-    jobs: list[Callable[[], None]] = [failing_and_diagnosed, passing_and_compared]
+    def pictures() -> None:
+        import terminal
+
+        terminal.make(gallery / "terminal")
+
+    # the longest first
+    jobs: list[Callable[[], None]] = [pictures, failing_and_diagnosed, passing_and_compared]
     with ThreadPoolExecutor(len(jobs)) as pool:
         for job in [pool.submit(job) for job in jobs]:
             job.result()
@@ -73,6 +79,3 @@ if __name__ == "__main__":
     import figures
 
     figures.make(target.resolve())
-    import terminal
-
-    terminal.make(target.resolve() / "terminal")
