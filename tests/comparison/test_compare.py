@@ -394,7 +394,7 @@ def test_names_in_a_result_are_text_on_the_page(tmp_path: Path) -> None:
     assert "<b>x</b>" not in page
 
 
-@pytest.mark.slow(29)
+@pytest.mark.slow(15)
 def test_no_difference_is_called_one_in_at_most_five_per_cent() -> None:
     rng = np.random.default_rng(11)
     for repeats in (3, 6):

@@ -51,7 +51,7 @@ def driven(amplitude: float, frequency: float, seed: int) -> Recording:
     return Recording(time, {"current_command": command, "motor_speed": read})
 
 
-@pytest.mark.slow(20)
+@pytest.mark.slow(10)
 def test_a_drag_with_the_cube_of_the_speed_is_no_torque_that_saturates(tmp_path: Path) -> None:
     (tmp_path / "plant.yaml").write_text(SERVO)
     write(tmp_path / "a.mcap", driven(4.0, 0.6, 1))

@@ -95,7 +95,7 @@ def dataset(folder: Path, ratio: str, scale: float = 1.0) -> Path:
     return path
 
 
-@pytest.mark.slow(40)
+@pytest.mark.slow(5)
 def test_a_ratio_that_is_not_calibrated_is_named_with_its_value(tmp_path: Path) -> None:
     found = diagnose(dataset(tmp_path, "10"))
     assert found.verdict is Verdict.NONE
@@ -108,7 +108,7 @@ def test_a_ratio_that_is_not_calibrated_is_named_with_its_value(tmp_path: Path) 
     assert speed.after < 0.1 * speed.before
 
 
-@pytest.mark.slow(60)
+@pytest.mark.slow(12)
 def test_a_speed_of_another_scale_is_read_right_where_a_ratio_takes_others_too_far(
     tmp_path: Path,
 ) -> None:
@@ -126,14 +126,14 @@ def test_a_speed_of_another_scale_is_read_right_where_a_ratio_takes_others_too_f
     assert speed.after < 5.0 * speed.noise_floor
 
 
-@pytest.mark.slow(20)
+@pytest.mark.slow
 def test_a_right_ratio_is_left_alone(tmp_path: Path) -> None:
     found = diagnose(dataset(tmp_path, "9"))
     assert found.verdict is Verdict.NONE
     assert not [note for note in found.notes if "gear.ratio" in note]
 
 
-@pytest.mark.slow(40)
+@pytest.mark.slow(5)
 def test_a_number_that_others_make_up_for_is_named_where_these_are_not_as_believed(
     tmp_path: Path,
 ) -> None:
@@ -188,7 +188,7 @@ trials:
 """
 
 
-@pytest.mark.slow(60)
+@pytest.mark.slow(8)
 def test_an_effect_that_explains_as_much_as_a_number_is_a_rival_to_separate(tmp_path: Path) -> None:
     """A pump that turns one way only: friction by the pressure is a smaller torque constant."""
     files = {

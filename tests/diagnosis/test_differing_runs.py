@@ -147,7 +147,7 @@ def test_runs_that_are_alike_do_not_differ(tmp_path: Path) -> None:
     assert differing(calibrated(tmp_path, [4.0, 4.0, 4.0], [0.0, 0.0, 0.0])) is None
 
 
-@pytest.mark.slow(20)
+@pytest.mark.slow(8)
 def test_a_diagnosis_notes_it_where_nothing_else_explains_what_is_missing(
     of_three_loads: Baseline,
 ) -> None:

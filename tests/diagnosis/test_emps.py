@@ -73,7 +73,7 @@ def test_the_published_symmetric_model_has_its_published_error(shared_data) -> N
     assert error == pytest.approx(0.0408, abs=5e-4)
 
 
-@pytest.mark.slow(138)
+@pytest.mark.slow(99)
 def test_friction_and_then_its_asymmetry_are_named(repository, shared_data, tmp_path) -> None:
     """What the shipped example prints and writes."""
     script = repository / "examples" / "close_the_loop_on_emps.py"
@@ -99,7 +99,7 @@ def test_friction_and_then_its_asymmetry_are_named(repository, shared_data, tmp_
     assert np.sqrt(np.mean(error**2)) < 2.3e-6
 
 
-@pytest.mark.slow(56)
+@pytest.mark.slow(41)
 def test_pulses_that_were_withheld_are_found(repository, shared_data, tmp_path) -> None:
     dataset = _example(repository, shared_data, tmp_path, "dataset_pulses_withheld.yaml")
     # the first half of each run

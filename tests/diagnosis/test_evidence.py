@@ -59,7 +59,7 @@ def test_parameters_far_from_what_is_believed_are_worth_a_look() -> None:
     assert DEFAULT.is_worth_a_look(Excess(0.0, SIZE, 0.0, {}, against_beliefs=40.0))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(35)
 def test_a_delay_that_a_slower_spool_imitates_is_found_by_what_is_believed_of_the_spool(
     tmp_path: Path,
 ) -> None:
@@ -70,7 +70,7 @@ def test_a_delay_that_a_slower_spool_imitates_is_found_by_what_is_believed_of_th
     assert left == {"command_delay", "valve_lag"}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(35)
 def test_a_delay_is_named_alone_once_small_steps_are_recorded_as_well(tmp_path: Path) -> None:
     """Its fit is long: it leads back from a spool that had imitated it.
 
@@ -94,7 +94,7 @@ def test_a_delay_is_named_alone_once_small_steps_are_recorded_as_well(tmp_path: 
     assert any("pressure_a" in note and "not white" in note for note in found.notes)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(35)
 def test_a_rival_in_a_long_valley_is_not_behind(tmp_path: Path) -> None:
     """Mass and bulk modulus of a short sine: only their ratio shows; each fit stopped elsewhere.
 

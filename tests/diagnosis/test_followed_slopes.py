@@ -259,7 +259,7 @@ def turned(model: Model, at: Path, seed: int) -> None:
     write(at, Recording(time, {"valve_command": command, **columns}))
 
 
-@pytest.mark.slow(60)
+@pytest.mark.slow(5)
 @pytest.mark.parametrize(("variable", "most"), [("table_speed", 3.0), ("table_angle", 0.8)])
 def test_a_turntable_tells_speed_and_angle_apart(
     tmp_path: Path, variable: str, most: float

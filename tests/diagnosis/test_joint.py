@@ -28,7 +28,7 @@ SECONDS = 2.0
 """Of each of ten runs: half a sample's."""
 
 
-@pytest.mark.slow(31)
+@pytest.mark.slow(45)
 def test_two_effects_are_found_from_the_calibrated_model_alone(tmp_path: Path) -> None:
     hidden = (by_id("seal_friction")[0], by_id("torque_saturation")[0])
     plan = Plan("case", "two", hidden, ("strong", "middle"), (1, 2, 3))
@@ -39,7 +39,7 @@ def test_two_effects_are_found_from_the_calibrated_model_alone(tmp_path: Path) -
     assert search.excess_left.total < 0.2 * search.excess_base.total
 
 
-@pytest.mark.slow
+@pytest.mark.slow(12)
 def test_no_pair_is_made_of_what_is_outside_the_list(tmp_path: Path) -> None:
     plan = Plan("case", "foreign", tuple(by_id("supply_sag")), ("strong",), (1, 2, 4))
     path = record_case(plan, tmp_path, Conditions(duration=SECONDS))

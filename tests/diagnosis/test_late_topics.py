@@ -135,7 +135,7 @@ def test_stamps_late_by_many_ticks_are_found(tmp_path: Path, late: float) -> Non
     assert speed.after_windows < 1.1 * speed.noise_floor
 
 
-@pytest.mark.slow(30)
+@pytest.mark.slow(5)
 def test_a_late_topic_is_no_effect(tmp_path: Path) -> None:
     found = diagnose(_dataset(tmp_path, late={"/drive": LATE}))
     assert found.verdict is Verdict.NONE
@@ -143,7 +143,7 @@ def test_a_late_topic_is_no_effect(tmp_path: Path) -> None:
     assert found.lateness["motor_speed"].value == pytest.approx(LATE, abs=0.2e-3)
 
 
-@pytest.mark.slow(60)
+@pytest.mark.slow(26)
 def test_a_late_topic_beside_another_cause_is_no_lag(tmp_path: Path) -> None:
     """Of an undeclared friction more remains than of the clock: only beside it does that show."""
     dataset = _dataset(tmp_path, late={"/drive": LATE}, plant=WITHOUT_FRICTION, seconds=4.0)
@@ -152,7 +152,7 @@ def test_a_late_topic_beside_another_cause_is_no_lag(tmp_path: Path) -> None:
     assert found.lateness["motor_speed"].value == pytest.approx(LATE, abs=0.2e-3)
 
 
-@pytest.mark.slow(60)
+@pytest.mark.slow(8)
 @pytest.mark.parametrize("late", [0.0, 0.7e-3])
 def test_a_sensors_lag_is_no_late_topic(tmp_path: Path, late: float) -> None:
     found = diagnose(_dataset(tmp_path, late={"/drive": late}, lag=LAG))

@@ -96,7 +96,7 @@ def diagnosed(folder: Path, gain: float, drift: float = 0.0) -> Diagnosis:
     return diagnose(path)
 
 
-@pytest.mark.slow(60)
+@pytest.mark.slow(20)
 def test_a_gain_is_named_and_the_model_is_that_of_right_readings(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, 0.88)
     assert found.verdict is Verdict.UNKNOWN
@@ -115,14 +115,14 @@ def test_a_gain_is_named_and_the_model_is_that_of_right_readings(tmp_path: Path)
     assert headline(found)[1].startswith(f"A sensor reads wrongly: {said}")
 
 
-@pytest.mark.slow(60)
+@pytest.mark.slow(12)
 def test_a_gain_that_changes_is_no_constant_factor(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, 0.9, 0.1)
     assert found.verdict is not Verdict.NONE
     assert not found.misread
 
 
-@pytest.mark.slow(30)
+@pytest.mark.slow
 def test_a_right_sensor_is_left_alone(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, 1.0)
     assert found.verdict is Verdict.NONE

@@ -126,7 +126,7 @@ def test_every_window_knows_where_it_begins_beside_steps_of_the_command(
         assert window.first == 0 or {"rod_position", "rod_velocity"} <= window.initial.keys()
 
 
-@pytest.mark.slow(30)
+@pytest.mark.slow
 def test_a_healthy_slide_is_healthy(dataset: Path) -> None:
     found = diagnose(dataset)
     assert found.verdict is Verdict.NONE

@@ -47,7 +47,7 @@ def _current(time: FloatArray, number: int) -> FloatArray:
 
 def _run(number: int) -> FloatArray:
     """Return time, current, motor speed and joint angle: friction at the motor, encoder beyond."""
-    time = np.arange(0.0, 4.0, PERIOD)
+    time = np.arange(0.0, 2.0, PERIOD)
     current = _current(time, number)
     motor_side, load = 9.0**2 * 1.2e-4 + 0.011, 2.45 * 0.28**2
 
@@ -73,7 +73,7 @@ def _run(number: int) -> FloatArray:
     return np.column_stack([time, current, flowed, speed, angle])
 
 
-@pytest.mark.slow
+@pytest.mark.slow(12)
 def test_a_soft_belt_is_named_with_its_compliance(tmp_path: Path) -> None:
     (tmp_path / "plant.yaml").write_text(PLANT)
     (tmp_path / "dataset.yaml").write_text(DATASET)

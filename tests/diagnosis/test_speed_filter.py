@@ -99,7 +99,7 @@ def test_a_filtered_ramp_is_behind_by_the_filters_time(tmp_path: Path) -> None:
     assert time[80:] - read[80:] / slope == pytest.approx(FILTER, rel=1e-3)
 
 
-@pytest.mark.slow(30)
+@pytest.mark.slow(5)
 def test_the_filter_of_a_speed_is_named(tmp_path: Path) -> None:
     """Dry friction tells it from a lag of the current, though the speed alone is read."""
     found = diagnose(dataset(tmp_path, 0.03))

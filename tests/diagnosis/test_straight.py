@@ -95,7 +95,7 @@ def pushed(seed: int, frequencies: tuple[float, float]) -> Recording:
     return Recording(time, {"push": -push, "position": found.y[0] + noise})
 
 
-@pytest.mark.slow(30)
+@pytest.mark.slow(6)
 def test_a_spring_that_nobody_declared_is_a_line_and_nothing_else(tmp_path: Path) -> None:
     (tmp_path / "plant.yaml").write_text(CART, encoding="utf-8")
     frequencies = [(0.7, 1.9), (1.3, 2.6), (0.5, 1.1), (0.9, 2.2)]

@@ -122,7 +122,7 @@ def test_what_does_not_swing_begins_where_it_did(model):
     assert with_periods(search, starts, model.vector()) == starts
 
 
-@pytest.mark.slow(30)
+@pytest.mark.slow(12)
 @pytest.mark.parametrize("wave", ["sine", "sawtooth"])
 def test_a_supply_that_others_draw_from_is_named(model, tmp_path: Path, wave: str) -> None:
     """Recordings of a rod on a spring, whose supply rises and falls every one and a half second."""

@@ -11,7 +11,7 @@ PAGES = sorted(
     for page in (DOCS / "tutorial.md", *(DOCS / "how-to").glob("*.md"))
     if any(block.language in ("sh", "python") and not block.title for block in blocks_of(page))
 )
-LONGEST = {"next": 57, "plant": 53, "tutorial": 31, "causes": 12}
+LONGEST = {"next": 28, "plant": 38, "tutorial": 27, "causes": 12}
 """About how many seconds a page takes by itself, of those that take long."""
 
 

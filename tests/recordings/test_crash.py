@@ -84,7 +84,7 @@ def test_kill_9(forked: Forked, tmp_path: Path) -> None:
     check_killed_runs(forked, tmp_path, 3)
 
 
-@pytest.mark.slow(39)
+@pytest.mark.slow(20)
 def test_kill_9_at_50_random_moments(forked: Forked, tmp_path: Path) -> None:
     check_killed_runs(forked, tmp_path, 50)
 

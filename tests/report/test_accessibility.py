@@ -102,7 +102,7 @@ def pages_of_the_loop(forked: Forked, tmp_path_factory: pytest.TempPathFactory) 
     return [work / page for page in pages]
 
 
-@pytest.mark.slow(45)
+@pytest.mark.slow(16)
 def test_no_serious_finding_in_the_pages_of_the_loop(
     tab: Page, pages_of_the_loop: list[Path]
 ) -> None:
