@@ -30,3 +30,24 @@ channels: {motor_speed: motor_shaft.speed, angle: load.angle MORE}
 def test_how_far_it_is_bent(tmp_path: Path, more: str, bent: bool) -> None:
     (tmp_path / "plant.yaml").write_text(BELT.replace(" MORE", more))
     assert bool(load_plant(tmp_path / "plant.yaml").roles.bent) is bent
+
+
+GEARED = """\
+plant: joint
+nodes:
+  rotor: {kind: rotation, inertia: 6e-5 kg*m^2}
+  flex:  {kind: rotation}
+  link:  {kind: rotation, inertia: 0.3 kg*m^2}
+elements:
+  motor:  {kind: motor, on: rotor, torque_constant: 0.11 N*m/A}
+  gear:   {kind: gear, from: rotor, to: flex, ratio: 50}
+  spline: {kind: coupling, between: [flex, link], stiffness: 8000 N*m/rad}
+inputs: {current_command: motor.current}
+channels: {motor_speed: rotor.speed, joint_angle: link.angle MORE}
+"""
+
+
+@pytest.mark.parametrize(("more", "bent"), [("", True), (", motor_angle: rotor.angle", False)])
+def test_a_reading_before_the_gear_tells_it_as_well(tmp_path: Path, more: str, bent: bool) -> None:
+    (tmp_path / "plant.yaml").write_text(GEARED.replace(" MORE", more))
+    assert bool(load_plant(tmp_path / "plant.yaml").roles.bent) is bent

@@ -48,6 +48,8 @@ _HELD = 0.03
 """How long a command that rests stays so, s: a controller slower than the log holds it for less."""
 _ENOUGH = 7
 """Samples around a tick that say how far a polynomial through them may be off."""
+_BENDS = 3.0
+"""What a polynomial may be off, in the noise, up to which it says more than a single reading."""
 _FEWEST_BESIDE = 3
 _BESIDE = 0.04
 """And about how far they may be, s, where a controller moves the state within fewer readings."""
@@ -309,7 +311,7 @@ def _start(
         else:
             around = _around(measured, first, name)
             since = measured.at(name, around) - measured.time[first]
-            local = _local(since, column[around])
+            local = _local(since, column[around], sigma)
             if local is None and rested:
                 local = _before_first_reading(measured.at(name, slice(None)), column)
             if local is None:
@@ -540,12 +542,20 @@ def _before_first_reading(t: FloatArray, y: FloatArray) -> tuple[float, float] |
     return value, 2.0 * abs(value - float(y[first[0]]))
 
 
-def _local(t: FloatArray, y: FloatArray) -> tuple[float, float] | None:
-    """Value at time zero from a polynomial through neighbours, and how far the next degree is."""
+def _local(t: FloatArray, y: FloatArray, noise: float) -> tuple[float, float] | None:
+    """Value at time zero from a polynomial through neighbours, and how far the next degree is.
+
+    Where that is far beyond the noise, as while a joint rings after a jump, no polynomial follows,
+    and the reading of that tick itself says more.
+    """
     good = np.isfinite(y)
     if good.sum() < 3:
         return None
     if good.sum() < _ENOUGH:
         return float(np.mean(y[good])), float(np.ptp(y[good]))
     value = float(np.polyfit(t[good], y[good], 2)[-1])
-    return value, abs(float(np.polyfit(t[good], y[good], 4)[-1]) - value)
+    further = abs(float(np.polyfit(t[good], y[good], 4)[-1]) - value)
+    here = np.flatnonzero(good & (t == 0.0))
+    if here.size and 0.0 < _BENDS * noise < further:
+        return float(y[here[0]]), 0.0
+    return value, further

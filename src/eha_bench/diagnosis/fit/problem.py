@@ -65,6 +65,9 @@ _HOLDS = 4.0
 out is what the model lacks."""
 _FEW = 0.2
 """Largest share of windows that stand out: where more do, the model does not hold."""
+_BENDS = 0.5
+"""What a start's effect is off its slopes, as a part of what they leave, from which these say
+nothing of where the start is."""
 _HORIZONS = (0.06, 0.12, 0.25, 0.5, 1.0, 1.0)
 """Shares of such a window that say one after the other where its start is."""
 _HELPS = 0.9
@@ -310,18 +313,24 @@ class Problem:
             rough._look_at_starts(part, in_run.plant_of(part))
         seconds = sum((1 + len(part.starts)) * part.length for part in self._parts)
 
+        sizes = np.array([max(part.pick.size, 1) for part in self._parts])
+        limits = _STANDS_OUT + _CHANCE * np.sqrt(2.0 / sizes)
+        bent: set[int] = set()
+
         def linearised(group: WindowGroup) -> list[float]:
             parts = [self._parts[k] for k in group.members]
             slopes = rough._slopes(parts, group.drives, group.readings, in_run)
-            return [
-                rough._linearise(part, in_run, vector, *own)
-                for part, own in zip(parts, slopes, strict=True)
-            ]
+            further = []
+            for k, part, own in zip(group.members, parts, slopes, strict=True):
+                further.append(rough._linearise(part, in_run, vector, *own))
+                if part.starts and part.cost > limits[k] * sizes[k]:
+                    further[-1] += part.length
+                    if rough._is_bent(part, in_run, *own):
+                        bent.add(k)
+            return further
 
         further = sum(self._of_groups(linearised, seconds))
-        sizes = np.array([max(part.pick.size, 1) for part in self._parts])
-        limits = _STANDS_OUT + _CHANCE * np.sqrt(2.0 / sizes)
-        loud = {*self._loud([part.cost for part in self._parts], limits)}
+        loud = {*self._loud([part.cost for part in self._parts], limits), *bent}
         for k, part in enumerate(self._parts):
             if k not in loud and part.moved is None:
                 continue
@@ -379,6 +388,24 @@ class Problem:
         self._span(part, columns)
         part.cost = float(np.sum(part.white(part.from_start(base)) ** 2))
         return further
+
+    def _is_bent(
+        self, part: Prepared, in_run: _InRuns, base: FloatArray, slopes: FloatArray
+    ) -> bool:
+        """Whether the start that a window's slopes ask for does much else than they say.
+
+        Then they tell neither where it is nor what is missing: a joint rings on from a speed that
+        was told to a tenth.
+        """
+        moved = np.zeros(len(part.starts)) if part.moved is None else part.moved
+        others = np.column_stack([np.zeros((part.pick.size, 0)), *part.of_inputs])
+        every = np.ones(part.pick.size, dtype=np.bool_)
+        best, _ = best_start(base, slopes, others, moved, every)
+        trial = replace(part, moved=best)
+        readings = WindowReadings((part,), len(self.plant.outputs))
+        (there,) = self._of_drives(trial, [part.drive], readings, in_run)
+        off = there - (base + slopes @ (best - moved))
+        return float(np.sum(part.white(off) ** 2)) > _BENDS**2 * part.cost
 
     def _span(self, part: Prepared, slopes: FloatArray) -> None:
         """Give a window what its start, its inputs' noise and wandering zeros do."""

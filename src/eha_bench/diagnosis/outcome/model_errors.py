@@ -24,6 +24,7 @@ from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.baseline import STEP, Baseline
 from eha_bench.diagnosis.fit.chosen_windows import thinned_windows
+from eha_bench.diagnosis.fit.finish import fine_enough
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.own_parameters import OwnValues, like_clocks
 from eha_bench.diagnosis.fit.problem import Problem
@@ -194,7 +195,8 @@ def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem 
     problem = _windows_of(dataset, known, noise)
     if problem is None or problem.size == 0:
         return None
-    return steady_problem(problem, problem.places.lengthened(model.vector()))
+    vector = problem.places.lengthened(model.vector())
+    return fine_enough(steady_problem(problem, vector), vector)
 
 
 def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured], list[str]]:
@@ -249,7 +251,7 @@ def _over_windows(
     before, after = (_windows_of(dataset, items, base.problem.noise) for items in known)
     if before is None or after is None:
         return {}, {}
-    after = steady_problem(after, vectors[1])
+    after = fine_enough(steady_problem(after, vectors[1]), vectors[1])
     before = cut_alike(before, after)
     return _rms_at(before, vectors[0]), rms_by_channel(after, vectors[1])
 

@@ -161,6 +161,11 @@ def roles_of_channels(
         and not any(out.state == item.position for out in system.outputs)
     }
     read = {output.state for output in system.outputs}
+    read |= {
+        item.position
+        for output, item in system.geared_channels()
+        if output.quantity not in ("speed", "velocity")
+    }
     joined = [
         end for part, ends in system.elastic_joints() if part.name not in shown for end in ends
     ]
