@@ -74,6 +74,21 @@ def test_joints_are_rigid_where_both_sides_weigh_something(
     assert [joint.name for joint in rigid_joints(free.system)] == ["belt"]
 
 
+def test_what_pulls_from_outside_pulls_beyond_the_joint(tmp_path: Path) -> None:
+    """A weight on a rope hangs at what is carried: at rest the coupling is bent by all of it."""
+    weight = "  hook:  {kind: load, on: joint, force: 4 N*m}\n"
+    elements = ELEMENTS.replace("coulomb: 0.5 N*m, ", "") + LINK + GEAR + weight
+    plant = _plant(tmp_path, NODES, elements)
+    joint = next(item for item in rigid_joints(plant.system) if item.name == "joint")
+    assert set(joint.moved) == {("link", "on"), ("hook", "on")}
+    vector = _with(plant, "joint_elasticity", at="joint", sensors="before", compliance=5e-3)
+    # the motor holds the weight; on the shaft alone either would turn it by 0.04 rad in 20 ms
+    still = {"current_command": np.full(TIME.size, 4.0)}
+    out = plant.simulate(vector, Drive(TIME, still, {}), 1e-4)
+    angle = out[:, plant.outputs.index("joint_angle")]
+    assert abs(angle[20]) < 1e-3
+
+
 @pytest.mark.parametrize("inertia", [1e-4, 1e-7, 0.0])
 def test_a_lighter_side_asks_for_no_shorter_steps(free: NetworkPlant, inertia: float) -> None:
     """A fit may take a rotor's inertia to nothing: it stood still there, for hours."""

@@ -5,8 +5,8 @@
 
 pushes the other part forwards and this one back; within the play g nothing is pushed, and at its
 ends it only pushes. Of a gear, the shaft that drives it is the other part, at the speed of the slow
-side; of a node that carries masses, these are (its load), and the node's sensors are with them. A
-play that such sensors are before is `joint_backlash`.
+side; of a node that carries masses, these are, and its load, and the node's sensors are with them.
+A play that such sensors are before is `joint_backlash`.
 
 Source: Nordin, Gutman, Automatica 38 (2002) 1633, doi:10.1016/S0005-1098(02)00047-X.
 """

@@ -6,7 +6,7 @@ What the plant takes for rigid becomes two parts, joined by a spring with a damp
 
 pushes the other part forwards and this one back. The compliance c is the inverse of a stiffness, so
 that nothing stands for a rigid joint. Of a gear, the shaft that drives it is the other part, at the
-speed of the slow side; of a node that carries masses, these are (its load). Sensors of that node
+speed of the slow side; of a node that carries masses, these are, and its load. Sensors of that node
 are before the joint, or beyond it with the other part.
 
 Source: Spong, J. Dyn. Syst. Meas. Control 109 (1987) 310, doi:10.1115/1.3143860.

@@ -2,7 +2,8 @@
 
 Two kinds of joints are found: that of a gear, with the shaft that it turns on one side and the rest
 on the other; and that between a shaft (or rod) with a mass of its own and the elements of some mass
-that it carries. Where either side weighs nothing there is nothing that could swing.
+that it carries, with what pulls from outside. Where either side weighs nothing there is nothing
+that could swing.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from eha_bench.plants.network.element import Inertia
 from eha_bench.plants.network.network import QUANTITIES, Element, Network, Node, element_kinds
 from eha_bench.plants.network.system import BoundElement, System
 
+_LOAD_PORT = "on"
 _COUPLING, _END = "~coupling", "~end"
 """Behind the name of a joint: what no file can call anything."""
 
@@ -89,6 +91,12 @@ def _joints(system: System) -> Iterator[RigidJoint]:
                 yield RigidJoint(name, item.name, ((name, "to"),), sides)
         carried = tuple((part.name, term.port) for part, term in _weights(system, item.name))
         if carried:
+            # what pulls from outside pulls at what is carried
+            carried += tuple(
+                (part.name, _LOAD_PORT)
+                for part in system.parts.values()
+                if part.element.kind.id == "load" and part.element.ports[_LOAD_PORT] == item.name
+            )
             behind = [node for node in system.nodes_on(item) if node != item.name]
             this = *_own(system, item.name), *_weights_of(system, behind)
             yield RigidJoint(item.name, item.name, carried, (this, (*_carried(system, item.name),)))
