@@ -321,12 +321,12 @@ def main() -> int:
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
     workers = workers_from(chosen.workers)
-    pairs, histories = (2, 2) if chosen.quick else (chosen.pairs, chosen.histories)
-    whole = cache(lambda: pool(24 if chosen.quick else 60))
-    nights = (100, 20) if chosen.quick else (1000, 100)
+    pairs, histories = (1, 1) if chosen.quick else (chosen.pairs, chosen.histories)
+    whole = cache(lambda: pool(20 if chosen.quick else 60))
+    nights = (30, 20) if chosen.quick else (1000, 100)
     sections: dict[str, Callable[[], Iterator[Line]]] = {
         "null": lambda: no_difference(whole(), pairs),
-        "hard": lambda: hard_pairs(2 if chosen.quick else max(1000, pairs), chosen.seed),
+        "hard": lambda: hard_pairs(1 if chosen.quick else max(1000, pairs), chosen.seed),
         "slower": lambda: slow_downs(whole(), max(1, pairs // 2)),
         "ab": lambda: interleaved(whole(), max(1, pairs // 8)),
         "looks": lambda: looked_at(max(1, pairs * 4 // 5)),

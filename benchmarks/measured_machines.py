@@ -17,9 +17,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import yaml
+from benchmarks.ended import ended
 from benchmarks.table import Row, report_rows
 
 ROOT = Path(__file__).parent.parent
@@ -51,21 +50,11 @@ def diagnosed(example: Path, folder: Path, until: str = "") -> Outcome:
 
     path = example / "dataset.yaml"
     before = time.perf_counter()
-    found = eha_bench.diagnose(_ended(path, until) if until else path, folder)
+    found = eha_bench.diagnose(ended(path, until) if until else path, folder)
     took = time.perf_counter() - before
     angle = found.unseen.get("angle")
     named = tuple(item.id for item in found.effects) or (found.verdict.value,)
     return Outcome(named, None if angle is None else angle.after / angle.before, took)
-
-
-def _ended(path: Path, until: str) -> dict[str, Any]:
-    """Return what a dataset's file holds, with its recordings up to a time."""
-    content: dict[str, Any] = yaml.safe_load(path.read_text())
-    for key in ("model", "channels"):
-        content[key] = str(path.parent / content[key])
-    for run in content["runs"]:
-        run |= {"log": str(path.parent / run["log"]), "to": until}
-    return content
 
 
 def rows_of_seals(seals: Sequence[str], out: Path, until: str = "") -> list[Row]:
@@ -108,7 +97,7 @@ def main() -> int:
         return 0
     out = given.out or Path(tempfile.mkdtemp())
     if given.quick:
-        rows = rows_of_seals(["NAPN"], out, until="8 s")
+        rows = rows_of_seals(["NAPN"], out, until="1.5 s")
     else:
         rows = [*rows_of_seals(given.seals, out), *rows_of_joints(given.joints, out)]
     return report_rows(given.json, rows)

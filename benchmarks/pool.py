@@ -131,7 +131,7 @@ def main() -> int:
         return 0
     out = given.out or Path(tempfile.mkdtemp())
     if given.quick:
-        ranked = ranking(Arm(JOINTS[0], out / JOINTS[0], until="5 s"), FIRST[:1])
+        ranked = ranking(Arm(JOINTS[0], out / JOINTS[0], until="2 s"), FIRST[:1])
         write_rows(given.json, [Row("recordings ranked", len(ranked), "")])
         return 0
     rng = np.random.default_rng(given.seed)

@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
+from benchmarks.ended import ended
 from benchmarks.marked_page import write_between
 from benchmarks.table import Row, report_rows
 
@@ -113,19 +114,20 @@ class Nearest:
     above: float | None
 
 
-def told(case: str, thresholds: Thresholds, folder: Path) -> Told:
-    """Diagnose a recording."""
-    found = diagnose(CASES[case] / "dataset.yaml", folder, thresholds=thresholds)
+def told(case: str, thresholds: Thresholds, folder: Path, until: str = "") -> Told:
+    """Diagnose a recording, or its runs up to a time such as "1 s"."""
+    path = CASES[case] / "dataset.yaml"
+    found = diagnose(ended(path, until) if until else path, folder, thresholds=thresholds)
     balance = (found.unknown.equation if found.unknown else "") or ""
     return Told(found.verdict.value, tuple(sorted(item.id for item in found.effects)), balance)
 
 
-def first_pass(case: str, out: Path) -> tuple[Told, dict[str, Nearest]]:
+def first_pass(case: str, out: Path, until: str = "") -> tuple[Told, dict[str, Nearest]]:
     """Diagnose with the thresholds as they are, noting; what was done already is read."""
     kept = out / f"{case}.json"
     if not kept.exists():
         thresholds, seen = noted()
-        answer = told(case, thresholds, out / "diagnosis")
+        answer = told(case, thresholds, out / "diagnosis", until)
         nearest = {
             name: Nearest(
                 max((ratio for ratio in ratios if ratio < 1.0), default=None),
@@ -205,7 +207,9 @@ def _in_words(item: tuple[int, int] | None) -> str:
 def main() -> int:
     """Diagnose, move thresholds and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.thresholds", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="one recording, nothing moved")
+    parser.add_argument(
+        "--quick", action="store_true", help="a part of one recording, nothing moved"
+    )
     parser.add_argument("--cases", nargs="+", choices=[*CASES], default=[*CASES])
     parser.add_argument("--out", type=Path, help="folder of what was done; one given goes on")
     parser.add_argument("--page", type=Path, help="write the table into this page")
@@ -220,7 +224,7 @@ def main() -> int:
     answers: dict[str, Told] = {}
     found: dict[str, dict[str, Nearest]] = {}
     for case in cases:
-        answers[case], found[case] = first_pass(case, out)
+        answers[case], found[case] = first_pass(case, out, "1 s" if given.quick else "")
         print(case, answers[case], flush=True)
     others: dict[tuple[str, float], tuple[int, int]] = {}
     for item in fields(Thresholds):

@@ -207,6 +207,7 @@ class Bench:
     Attributes:
         plant: its name. declared, revised: the models, as simulators. rig: itself.
         posterior: of the revised model. vary: the gains. draws: of P(pass).
+        candidates: gains that tuning tries. spread: as FRONTIER. repeats: as REPEATS.
     """
 
     plant: str
@@ -217,6 +218,8 @@ class Bench:
     vary: VaryFile
     draws: int
     candidates: int
+    spread: int
+    repeats: int
     workers: str
 
     def space(self, suite: Suite, simulator: Simulator) -> Space:
@@ -236,7 +239,7 @@ class Bench:
         """Return the margins of all repeats on the rig, (repeats, limits)."""
         case = self.space(suite, self.declared).at(point)
         case = replace(case, simulator=self.rig.varied(controllers=case.simulator.controllers))
-        repeats = range(FIRST_REPEAT, FIRST_REPEAT + REPEATS)
+        repeats = range(FIRST_REPEAT, FIRST_REPEAT + self.repeats)
         return np.array([figures_of_case(case, repeat).margins for repeat in repeats])
 
     def over_draws(self, suite: Suite, point: Point, draws: int, seed: int) -> FloatArray:
@@ -257,7 +260,7 @@ def near_the_best(
     """
     loose = suite_of(bench.plant, *LOOSE)
     space = bench.space(loose, bench.declared)
-    points = LatinHypercube(FRONTIER, int(rng.integers(1 << 30))).points(space)
+    points = LatinHypercube(bench.spread, int(rng.integers(1 << 30))).points(space)
     margins = np.array([figures_of_case(space.at(point), 0).margins for point in points])
     values = reached(loose, margins)
     settled = np.flatnonzero(np.isfinite(values).all(axis=1))
@@ -337,7 +340,7 @@ def run_case(plant: str, number: int, folder: Path, given: Any) -> Outcome:
     bench = Bench(
         plant, simulator(declared), simulator(revised), RigSimulator(rig, declared, controllers),
         read_posterior(folder / "found", revised), vary,
-        given.draws, given.candidates, given.workers,
+        given.draws, given.candidates, given.spread, given.repeats, given.workers,
     )  # fmt: skip
     rng = np.random.default_rng([number, 5])
     suite, factor, of_declared, spread = near_the_best(bench, rng)
@@ -475,14 +478,17 @@ def main() -> int:
     parser.add_argument("--candidates", type=int, default=160, help="gains that tuning tries")
     parser.add_argument("--searched", type=int, default=240, help="... and a search on the rig")
     parser.add_argument("--draws", type=int, default=50)
+    parser.add_argument("--spread", type=int, default=FRONTIER, help="gains that ask what is best")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="of the suite on the rig")
     parser.add_argument("--workers", default="", help="processes, as of the commands")
     parser.add_argument("--out", type=Path, help="folder of cases; one given goes on with it")
     parser.add_argument("--json", type=Path, help="write the figures here")
     given = parser.parse_args()
     plants, cases = given.plants, given.cases
     if given.quick:
-        plants, cases, given.seconds = [KNEE], 1, 1.0
-        given.candidates, given.searched, given.draws = 16, 16, 6
+        plants, cases, given.seconds = [KNEE], 1, 0.5
+        given.candidates, given.searched, given.draws = 8, 8, 4
+        given.spread, given.repeats = 12, 2
     out = given.out or Path(tempfile.mkdtemp())
     done: list[Outcome] = []
     for number in range(given.first, given.first + cases):

@@ -4,7 +4,9 @@ import importlib.util
 import json
 import math
 import sys
+import threading
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -86,3 +88,40 @@ def test_growth_writes_its_table_and_figure_into_a_page(main: Any, tmp_path: Pat
     assert "old" not in text
     assert "sort badly" in (tmp_path / "images" / "growth.svg").read_text()
     assert not square.linear
+
+
+def test_what_plays_a_rig_runs_beside_the_others_which_step_aside(
+    main: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, list[str]] = {}
+
+    def ran(command: list[str], **_: Any) -> Any:
+        asked[next(word for word in command if word.startswith("benchmarks."))] = command
+        return SimpleNamespace(returncode=2, stdout="")
+
+    monkeypatch.setattr(main.subprocess, "run", ran)
+    monkeypatch.setattr(main.shutil, "which", lambda name: f"/bin/{name}")
+    assert set(main.FULL) > main.REAL_TIME
+    for alone in (False, True):
+        for name in ("startup", "rig_safety"):
+            main.run(name, [], tmp_path, alone=alone)
+        aside = {name: command[0] == "nice" for name, command in asked.items()}
+        assert aside == {"benchmarks.startup": not alone, "benchmarks.rig_safety": False}
+
+
+def test_while_a_rig_is_played_as_many_others_run_as_are_asked_for(
+    main: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """None of the three would go on alone."""
+    together = threading.Barrier(3, timeout=10.0)
+
+    def ran(name: str, *_: Any, alone: bool) -> list[Any]:
+        assert not alone
+        if name != "rig_agreement":
+            together.wait()
+        return []
+
+    monkeypatch.setattr(main, "run", ran)
+    names = ["rig_safety", "rig_agreement", "startup", "simulation"]
+    monkeypatch.setattr(sys, "argv", ["benchmarks", "--at-once", "2", "--only", *names])
+    assert main.main() == 0

@@ -204,7 +204,7 @@ def main() -> int:
     given = arguments().parse_args()
     if given.quick:
         given.cases, given.two, given.none, given.foreign = 1, 0, 1, 0
-        given.strength, given.budget = ["strong"], 0.02
+        given.strength, given.budget, given.duration = ["strong"], 0.02, 1.0
         given.each = True
     try:
         results = run(given)
