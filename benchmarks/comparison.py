@@ -332,7 +332,7 @@ def main() -> int:
         "looks": lambda: looked_at(max(1, pairs * 4 // 5)),
         "planned": lambda: planned(max(1, pairs // 2)),
         "flat": lambda: flat_histories(histories, workers),
-        "newest": lambda: newest_nights(5 * histories, workers),
+        "newest": lambda: newest_nights(1 if chosen.quick else 5 * histories, workers),
         "seasons": lambda: chain(seasons(histories, workers), [lost_metrics(histories)]),
         "units": lambda: units(histories),
         "changed": lambda: changed_histories(histories, workers),

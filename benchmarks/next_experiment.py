@@ -185,7 +185,7 @@ def main() -> int:
     """Run the cases; 0 where the goals are met, 1 where one is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.next_experiment",
                                      description=__doc__)  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="one machine, two effects")
+    parser.add_argument("--quick", action="store_true", help="one machine, short experiments")
     parser.add_argument("--plants", nargs="+", choices=sorted(SAFETY), default=sorted(SAFETY))
     parser.add_argument("--cases", type=int, default=3, help="machines an effect")
     parser.add_argument("--first", type=int, default=0, help="number of the first machine")
@@ -205,8 +205,8 @@ def main() -> int:
     plants, cases = given.plants, given.cases
     wanted = given.effects
     if given.quick:
-        plants, cases = ["geared_servo"], 1
-        wanted = wanted or ["asymmetric_friction", "command_delay"]
+        plants, cases, given.budget = ["geared_servo"], 1, 5.0
+        wanted = wanted or ["asymmetric_friction"]
     out = given.out or Path(tempfile.mkdtemp())
     began = time.perf_counter()
     done: list[Case] = []
