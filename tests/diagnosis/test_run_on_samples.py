@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from benchmarks.ended import ended
 
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.plants.model import load_model
@@ -18,12 +19,17 @@ ANSWERS = {
 }
 
 
-@pytest.mark.slow(24)
+HALF = "2 s"
+"""Of each run, where that shows the same."""
+
+
+@pytest.mark.slow(15)
 @pytest.mark.parametrize("case", ANSWERS)
 def test_the_missing_effect_is_named_and_the_holdout_error_falls_to_the_noise(
     shared_data: Path, tmp_path: Path, case: str
 ):
-    found = diagnose(shared_data / "rig_samples" / case / "dataset.yaml", tmp_path)
+    dataset = shared_data / "rig_samples" / case / "dataset.yaml"
+    found = diagnose(ended(dataset, HALF), tmp_path)
     assert found.verdict.value == "effect"
     assert [item.id for item in found.effects] == [ANSWERS[case]]
     for name, error in found.holdout.items():
@@ -39,9 +45,10 @@ def test_nothing_is_accused_where_nothing_is_missing(shared_data: Path, tmp_path
     assert written["effects"] == []
 
 
-@pytest.mark.slow(74)
+@pytest.mark.slow(34)
 def test_what_no_effect_explains_is_localised(shared_data: Path, tmp_path: Path):
-    diagnose(shared_data / "rig_samples" / "F" / "dataset.yaml", tmp_path)
+    dataset = shared_data / "rig_samples" / "F" / "dataset.yaml"
+    diagnose(ended(dataset, HALF), tmp_path)
     written = json.loads((tmp_path / "diagnosis.json").read_text())
     assert written["verdict"] == "unknown"
     assert written["unknown"]["equation"] == "actuation"
