@@ -59,7 +59,7 @@ QUICK: dict[str, list[str]] = {
     "tuning": ["--candidates", "12", "--draws", "20", "--suites", "1"],
     "tuned_rigs": ["--quick"],
     "blind": ["--cases", "1", "--duration", "1"],
-    "traps": ["--only", "stall"],
+    "traps": ["--only", "stall", "--seconds", "2"],
     "thresholds": ["--quick"],
     # of the product itself, `blind` tells that it runs
     "league": ["--quick", "--entrant", "sindy", "evolution", "declared"],

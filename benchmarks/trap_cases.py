@@ -87,8 +87,11 @@ class Trap:
     may: frozenset[str] = frozenset()
     named: bool = True
 
-    def record(self, folder: Path, seed: int) -> Path:
-        """Write a machine's recordings and what is declared of it; return the dataset."""
+    def record(self, folder: Path, seed: int, seconds: float = 0.0) -> Path:
+        """Write a machine's recordings and what is declared of it; return the dataset.
+
+        Runs are of SECONDS, if of no others.
+        """
         plant = PLANTS[self.plant]
         rng = np.random.default_rng([seed, *self.name.encode()])
         settings = plant.drawn(rng, 0.5) | nearly_as_declared(plant, rng)
@@ -97,7 +100,7 @@ class Trap:
         chosen = self.drive([*train, next(drive for drive in drives if drive.use == "holdout")])
         machine, sensors = Machine(plant.kind, settings), Sensors.drawn(plant, rng)
         folder.mkdir(parents=True)
-        for drive in map(_shortened, chosen):
+        for drive in (_shortened(drive, seconds or SECONDS) for drive in chosen):
             run = machine.run(drive)
             values = np.column_stack(
                 [run.inputs[:, : plant.inputs], sensors.read(run.readings, rng)]
@@ -124,8 +127,8 @@ class Trap:
         return folder / "dataset.yaml"
 
 
-def _shortened(drive: Drive) -> Drive:
-    kept = int(np.searchsorted(drive.time, SECONDS))
+def _shortened(drive: Drive, seconds: float) -> Drive:
+    kept = int(np.searchsorted(drive.time, seconds))
     return replace(
         drive, time=drive.time[:kept], reference=drive.reference[:kept],
         forward=drive.forward[:kept],

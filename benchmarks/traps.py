@@ -73,6 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print a line a trap, and how many were avoided."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.traps", description=__doc__)
     parser.add_argument("--only", nargs="+", choices=[trap.name for trap in TRAPS])
+    parser.add_argument("--seconds", type=float, default=0.0, help="of each run, if not as usual")
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument("--out", type=Path, help="folder of cases (default: a passing one)")
     parser.add_argument("--json", type=Path, help="write the figures as rows of JSON")
@@ -84,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if chosen.only and trap.name not in chosen.only:
                 continue
             folder = top / trap.name
-            dataset = trap.record(folder, chosen.seed)
+            dataset = trap.record(folder, chosen.seed, chosen.seconds)
             start = time.perf_counter()
             found = diagnose(dataset, folder / "diagnosis")
             outcome = seen(trap, found, time.perf_counter() - start)
