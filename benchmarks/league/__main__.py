@@ -69,7 +69,7 @@ def arguments() -> argparse.ArgumentParser:
         help="folder of cases and answers",
     )
     add("--jobs", type=int, default=1, help="processes (%(default)s)")
-    add("--quick", action="store_true", help="two cases and a small budget, a minute or two")
+    add("--quick", action="store_true", help="two short cases and a small budget, a minute")
     add("--each", action="store_true", help="show every case; --quick does")
     add("--json", type=Path, help="write the figures here")
     add("--page", type=Path, help="put the tables into this page")
