@@ -97,7 +97,7 @@ def main() -> int:
         return 0
     out = given.out or Path(tempfile.mkdtemp())
     if given.quick:
-        rows = rows_of_seals(["NAPN"], out, until="1.5 s")
+        rows = rows_of_seals(["NAPN"], out, until="8 s")
     else:
         rows = [*rows_of_seals(given.seals, out), *rows_of_joints(given.joints, out)]
     return report_rows(given.json, rows)

@@ -486,9 +486,8 @@ def main() -> int:
     given = parser.parse_args()
     plants, cases = given.plants, given.cases
     if given.quick:
-        plants, cases, given.seconds = [KNEE], 1, 0.5
-        given.candidates, given.searched, given.draws = 8, 8, 4
-        given.spread, given.repeats = 12, 2
+        plants, cases, given.seconds = [KNEE], 1, 1.0
+        given.candidates, given.searched, given.draws = 16, 16, 6
     out = given.out or Path(tempfile.mkdtemp())
     done: list[Outcome] = []
     for number in range(given.first, given.first + cases):
