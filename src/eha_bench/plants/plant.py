@@ -40,7 +40,8 @@ class Drive:
     Attributes:
         time: (n,) s, increasing.
         inputs: channel -> (n,) SI; commands are held between samples, measured states that
-            stand here are imposed (their own equation drops out), linear between samples.
+            stand here are imposed (their own equation drops out), speeds by a cubic between
+            samples, the rest linear.
         initial: channel -> what its sensor reads at the first sample, SI (the plant finds the
             state behind it); the rest starts at 0 or at what the plant takes as rest.
         locked, bypass_open: setup of the rig.

@@ -17,6 +17,7 @@ from eha_bench.core.linkage import Linkage
 from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.effect import BoundEffect, Effect, bind_effects
 from eha_bench.plants.layout import Layout
+from eha_bench.plants.network.between import bows
 from eha_bench.plants.network.channels import (
     imposable_signals,
     places_of_states,
@@ -54,7 +55,8 @@ class Inputs:
         period: of a controller inside the plant, s; 0 where none is used.
         time: (m,) the clock that the kernel runs on, s. ticks: (n,) where the samples are on it.
         values: (m, columns). given: which columns are.
-        imposed: (m, states and signals), no rows where nothing is. is_imposed: which are.
+        imposed: (m, states and signals, and behind them how speeds bend), no rows where nothing is.
+        is_imposed: which are.
     """
 
     period: float
@@ -705,7 +707,8 @@ class NetworkPlant(Plant):
         count = system.size + len(self._imposable)
         # a kernel reads what is imposed, and most often nothing is: then there are no rows
         imposes = any(name in self.state_places for name in drive.inputs)
-        imposed = np.zeros((n if imposes else 0, count))
+        imposed = np.zeros((n if imposes else 0, count + system.size))
+        speeds = {item.speed for item in system.coordinates}
         is_imposed = np.zeros(count, dtype=np.bool_)
         for name, series in drive.inputs.items():
             column = system.column_of.get(name)
@@ -717,6 +720,9 @@ class NetworkPlant(Plant):
                 place = self.state_places[name]
                 imposed[:, place] = _on_clock(np.asarray(series, dtype=np.float64), ticks, n, False)
                 is_imposed[place] = True
+                if place in speeds:
+                    bow = bows(drive.time, np.asarray(series, dtype=np.float64))
+                    imposed[:, [place, count + place]] += _bent(bow, ticks, n)
             else:
                 known = ", ".join(dict.fromkeys((*system.column_of, *self.states)))
                 raise InputError(
@@ -1079,7 +1085,8 @@ class _Fastest(Parametrised):
         self._shown = np.zeros(plant.system.size + 1)
         count = plant.system.size + len(plant._imposable)
         self._is_imposed = np.zeros(count, dtype=np.bool_)
-        self._imposed = np.zeros((2, count))
+        # what is to come is not known yet: moment by moment all is straight
+        self._imposed = np.zeros((2, count + plant.system.size))
         self._given = np.ones(len(plant.system.columns), dtype=np.bool_)
         for name, (part, loop, _, _) in plant.system.loops.items():
             # moment by moment it is the command that is given
@@ -1293,9 +1300,10 @@ class _Fastest(Parametrised):
         values = np.concatenate((inputs[:k], np.repeat(inputs[k : k + 1], parts + 1, axis=0)))
         values[-1] = inputs[k + 1]
         shown = np.full((times.size, out.shape[1]), np.nan)
-        count = self.plant.system.size + len(self.plant._imposable)
+        size = self.plant.system.size
+        count = size + len(self.plant._imposable)
         self._kernel.simulate(
-            k, k + parts, times, values, self._given, np.zeros((times.size, count)),
+            k, k + parts, times, values, self._given, np.zeros((times.size, count + size)),
             self._is_imposed, locked, bypass_open, step, fresh, self._parameters, memory,
             self._shown, state, shown,
         )  # fmt: skip
@@ -1362,3 +1370,18 @@ def _on_clock(values: FloatArray, ticks: IndexArray, n: int, held: bool) -> Floa
     if not held:
         return np.interp(np.arange(n), ticks, values)
     return np.ascontiguousarray(values[np.searchsorted(ticks, np.arange(n), side="right") - 1])
+
+
+def _bent(bow: FloatArray, ticks: IndexArray, n: int) -> FloatArray:
+    """Return what a series is beside straight lines on the kernel's clock, and how it bends there.
+
+    Args:
+        bow: (samples,) how far it is beside them after each. ticks: where they are. n: ticks.
+
+    Returns:
+        (n, 2).
+    """
+    at = np.searchsorted(ticks, np.arange(n), side="right") - 1
+    parts = np.append(np.diff(ticks), 1)[at]
+    share = (np.arange(n) - ticks[at]) / parts
+    return np.column_stack([share * (1.0 - share) * bow[at], bow[at] / parts**2])

@@ -908,6 +908,10 @@ class Writer:
                 found.append((self.system.size + len(found), item.signal))
         return found
 
+    def _bow(self, place: int) -> int:
+        """Column of `imposed` that says how a speed bends after each tick (`between`)."""
+        return self.system.size + len(self._imposable()) + place
+
     def _simulate(self) -> None:
         system = self.system
         body = ['"""Advance from tick `first` to tick `last`; see `NetworkPlant.advance`."""',
@@ -1235,6 +1239,9 @@ class Writer:
                 f"if is_imposed[{item.speed}]:",
                 f"    Y[{item.speed}] = imposed[k, {item.speed}] + middle * "
                 f"(imposed[k + 1, {item.speed}] - imposed[k, {item.speed}])",
+                # the mean over the substep: what a pump moves is right with any number of them
+                "    bow = middle * (1.0 - middle) - 1.0 / (12.0 * count * count)",
+                f"    Y[{item.speed}] += bow * imposed[k, {self._bow(item.speed)}]",
             ]
         for number, column in self._commands:
             assert column.part is not None
