@@ -170,5 +170,8 @@ class _Factor:
     ) -> tuple[Problem, FloatArray]:
         return cast(Problem, _Scaled(factor)), vector
 
+    def is_material(self, _problem: Problem, factor: float, least: float) -> bool:
+        return abs(np.log(factor)) >= least
+
     def said(self, factor: float) -> str:
         return f"{factor} times"

@@ -29,6 +29,7 @@ QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "Does an effect stand in the end?": (
         "loose", "little", "form", "likely", "clear", "instant", "narrow", "worse",
     ),
+    "Is what was declared to be doubted?": ("declared",),
     "Which verdict?": ("explained", "beaten", "instead", "nothing", "follows"),
     "Do held-out runs agree?": ("windows", "replays"),
 }  # fmt: skip
@@ -199,6 +200,12 @@ class Thresholds:
     )
     worse: float = _threshold(
         1.05, "growth of the error of whole replays that speaks against it", "less is chance"
+    )
+    declared: float = _threshold(
+        0.005,
+        "part by which a number of a drawing or a channel's scale is off at least, to be doubted; "
+        "a scale also by as much as moves its largest reading by the noise of one",
+        "ISO 4409:2007, class A: what the best tests of pumps allow their instruments to be off by",
     )
     explained: float = _threshold(
         0.5,

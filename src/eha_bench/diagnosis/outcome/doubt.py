@@ -2,14 +2,21 @@
 
 A number of a drawing (a piston's area, a gear's ratio) is read off a sheet, the scale of a channel
 off an amplifier. Each is one factor, which everything that is calibrated makes up for as well as it
-can (`doubtful_numbers`).
+can (`doubtful_numbers`). Factors so close to 1 that no maker promises as much, and no reading shows
+them, are no doubt: many readings together ask for some such factor of every healthy machine, as no
+law is right to a thousandth.
+
+Source: ISO 4409:2007, annex on measurement accuracy (permissible systematic errors, class A).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
+
+import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.measured import Measured
@@ -26,6 +33,14 @@ class Doubt(Protocol):
         self, problem: Problem, vector: FloatArray, factor: float
     ) -> tuple[Problem, FloatArray]:
         """Return a problem, prepared, and parameters, with it so many times what was declared."""
+        ...
+
+    def is_material(self, problem: Problem, factor: float, least: float) -> bool:
+        """Whether a factor is so far from 1 that what was declared may be doubted for it.
+
+        Args:
+            problem: with what is declared. factor: of it. least: part that it is off by at least.
+        """
         ...
 
     def said(self, factor: float) -> str:
@@ -54,6 +69,11 @@ class DrawnNumber:
         moved = vector.copy()
         moved[list(self.places)] = factor * self.declared
         return problem, moved
+
+    def is_material(self, problem: Problem, factor: float, least: float) -> bool:
+        """Whether it is off by more than a drawing may be."""
+        del problem
+        return abs(math.log(factor)) >= least
 
     def said(self, factor: float) -> str:
         """Say the number as it is declared, and as it would be right."""
@@ -90,6 +110,18 @@ class ChannelScale:
         other.soft = problem.soft
         other.prepare(vector)
         return other, vector
+
+    def is_material(self, problem: Problem, factor: float, least: float) -> bool:
+        """Whether it is off by more than a sensor may be, and one reading could show it."""
+        if abs(math.log(factor)) < least:
+            return False
+        largest = 0.0
+        for measured in {
+            id(window.measured): window.measured for window in problem.windows
+        }.values():
+            if (column := measured.column(self.channel)) is not None:
+                largest = max(largest, float(np.nanmax(np.abs(column))))
+        return abs(factor - 1.0) * largest >= problem.noise[self.channel]
 
     def said(self, factor: float) -> str:
         """Say what the channel reads of what there is."""

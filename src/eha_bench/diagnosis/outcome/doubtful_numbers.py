@@ -3,7 +3,9 @@
 A piston area that is declared too small is made up for by a mass, a friction and a leak that are
 each too small: nothing is missing, but what is believed of these is contradicted. So each number
 that nobody calibrates, and the scale of each channel, is fitted beside what is calibrated, to
-readings and beliefs (`followed_doubt`), and what makes all as it is believed is named.
+readings and beliefs (`followed_doubt`), and what makes all as it is believed is named. Where one
+does that with a factor that any healthy machine may have, nothing is named: no more than that need
+be wrong.
 """
 
 from __future__ import annotations
@@ -53,7 +55,8 @@ def doubtful_numbers(search: Search) -> DoubtfulNumbers | None:
     if len(off) < _SEVERAL:
         return None
     fit = replace(fit, cost=cost_of(problem, fit.vector))
-    clear = search.thresholds.behind
+    limits = search.thresholds
+    clear = limits.behind
     found = [followed(problem, fit, doubt) for doubt in _promising(problem, fit, search.keys)]
     helping = [
         item
@@ -64,6 +67,8 @@ def doubtful_numbers(search: Search) -> DoubtfulNumbers | None:
         return None
     least = min(item.cost for item in helping)
     alike = [item for item in helping if item.cost - least < clear]
+    if not all(item.doubt.is_material(problem, item.factor, limits.declared) for item in alike):
+        return None
     alike.sort(key=lambda item: item.cost)
     words = tuple(item.doubt.said(item.factor) for item in alike)
     note = (
