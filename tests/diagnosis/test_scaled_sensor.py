@@ -110,9 +110,10 @@ def test_a_gain_is_named_and_the_model_is_that_of_right_readings(tmp_path: Path)
     for item in found.holdout.values():
         if np.isfinite(item.noise_floor):
             assert item.after < 1.5 * item.noise_floor
-    said = "'pressure_cap' reads 0.88"
-    assert found.unknown.sensor.startswith(said)
-    assert headline(found)[1].startswith(f"A sensor reads wrongly: {said}")
+    # the sentence says what the note does
+    words = f"'pressure_cap' reads {said[1]} times"
+    assert found.unknown.sensor.startswith(words)
+    assert headline(found)[1].startswith(f"A sensor reads wrongly: {words}")
 
 
 @pytest.mark.slow(12)
