@@ -91,7 +91,7 @@ def test_a_reading_is_the_start_where_no_polynomial_follows(model) -> None:
 
 def test_starts_are_moved_also_where_most_windows_swing(model) -> None:
     """None stands out from the others; that its slopes say nothing of it is seen of each alone."""
-    swings = _measured(model, 2.0, 6.0)
+    swings = _measured(model, 1.0, 6.0)
     windows = [window_at(swings, first, first + 50, NOISE) for first in (25, 75, 125, 175, 225)]
     problem = Problem(model.plant, windows, NOISE, STEP)
     problem.prepare(model.vector())

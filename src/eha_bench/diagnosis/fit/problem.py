@@ -68,6 +68,10 @@ _FEW = 0.2
 _BENDS = 0.5
 """What a start's effect is off its slopes, as a part of what they leave, from which these say
 nothing of where the start is."""
+_TAKES = 10.0
+"""Multiple of what is left that a start takes of a window where that bend may be all."""
+_SPREADS = 20.0
+"""How far off, in its spreads, such a start is at most."""
 _HORIZONS = (0.06, 0.12, 0.25, 0.5, 1.0, 1.0)
 """Shares of such a window that say one after the other where its start is."""
 _HELPS = 0.9
@@ -323,10 +327,9 @@ class Problem:
             further = []
             for k, part, own in zip(group.members, parts, slopes, strict=True):
                 further.append(rough._linearise(part, in_run, vector, *own))
-                if part.starts and part.cost > limits[k] * sizes[k]:
-                    further[-1] += part.length
-                    if rough._is_bent(part, in_run, *own):
-                        bent.add(k)
+                loud = part.starts and part.cost > limits[k] * sizes[k]
+                if loud and rough._is_bent(part, in_run, *own):
+                    bent.add(k)
             return further
 
         further = sum(self._of_groups(linearised, seconds))
@@ -395,12 +398,16 @@ class Problem:
         """Whether the start that a window's slopes ask for does much else than they say.
 
         Then they tell neither where it is nor what is missing: a joint rings on from a speed that
-        was told to a tenth.
+        was told to a tenth. It is asked of windows whose start takes nearly all that is off, and is
+        no further off than it may be: elsewhere something is missing.
         """
         moved = np.zeros(len(part.starts)) if part.moved is None else part.moved
         others = np.column_stack([np.zeros((part.pick.size, 0)), *part.of_inputs])
         every = np.ones(part.pick.size, dtype=np.bool_)
         best, _ = best_start(base, slopes, others, moved, every)
+        taken = float(np.sum((slopes @ (best - moved)) ** 2))
+        if taken < _TAKES * part.cost or np.abs(best).max(initial=0.0) > _SPREADS:
+            return False
         trial = replace(part, moved=best)
         readings = WindowReadings((part,), len(self.plant.outputs))
         (there,) = self._of_drives(trial, [part.drive], readings, in_run)
