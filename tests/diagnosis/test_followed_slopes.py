@@ -199,7 +199,7 @@ def searched(folder: Path, noise: float) -> Search:
     generator = np.random.default_rng(3)
     text = "model: plant.yaml\ninputs: [current_command]\nruns:\n"
     for number in range(2):
-        current = np.repeat(generator.uniform(-8.0, 8.0, 100), 20)
+        current = np.repeat(generator.uniform(-8.0, 8.0, 120), 20)
         angle = angle_of(current) + noise * generator.standard_normal(current.size)
         columns = {"current_command": current, "shaft_turn": angle}
         write(folder / f"{number}.mcap", Recording(TICK * np.arange(current.size), columns))
