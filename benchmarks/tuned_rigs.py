@@ -207,7 +207,6 @@ class Bench:
     Attributes:
         plant: its name. declared, revised: the models, as simulators. rig: itself.
         posterior: of the revised model. vary: the gains. draws: of P(pass).
-        candidates: gains that tuning tries. spread: as FRONTIER. repeats: as REPEATS.
     """
 
     plant: str
@@ -218,8 +217,6 @@ class Bench:
     vary: VaryFile
     draws: int
     candidates: int
-    spread: int
-    repeats: int
     workers: str
 
     def space(self, suite: Suite, simulator: Simulator) -> Space:
@@ -239,7 +236,7 @@ class Bench:
         """Return the margins of all repeats on the rig, (repeats, limits)."""
         case = self.space(suite, self.declared).at(point)
         case = replace(case, simulator=self.rig.varied(controllers=case.simulator.controllers))
-        repeats = range(FIRST_REPEAT, FIRST_REPEAT + self.repeats)
+        repeats = range(FIRST_REPEAT, FIRST_REPEAT + REPEATS)
         return np.array([figures_of_case(case, repeat).margins for repeat in repeats])
 
     def over_draws(self, suite: Suite, point: Point, draws: int, seed: int) -> FloatArray:
@@ -260,7 +257,7 @@ def near_the_best(
     """
     loose = suite_of(bench.plant, *LOOSE)
     space = bench.space(loose, bench.declared)
-    points = LatinHypercube(bench.spread, int(rng.integers(1 << 30))).points(space)
+    points = LatinHypercube(FRONTIER, int(rng.integers(1 << 30))).points(space)
     margins = np.array([figures_of_case(space.at(point), 0).margins for point in points])
     values = reached(loose, margins)
     settled = np.flatnonzero(np.isfinite(values).all(axis=1))
@@ -340,7 +337,7 @@ def run_case(plant: str, number: int, folder: Path, given: Any) -> Outcome:
     bench = Bench(
         plant, simulator(declared), simulator(revised), RigSimulator(rig, declared, controllers),
         read_posterior(folder / "found", revised), vary,
-        given.draws, given.candidates, given.spread, given.repeats, given.workers,
+        given.draws, given.candidates, given.workers,
     )  # fmt: skip
     rng = np.random.default_rng([number, 5])
     suite, factor, of_declared, spread = near_the_best(bench, rng)
@@ -478,8 +475,6 @@ def main() -> int:
     parser.add_argument("--candidates", type=int, default=160, help="gains that tuning tries")
     parser.add_argument("--searched", type=int, default=240, help="... and a search on the rig")
     parser.add_argument("--draws", type=int, default=50)
-    parser.add_argument("--spread", type=int, default=FRONTIER, help="gains that ask what is best")
-    parser.add_argument("--repeats", type=int, default=REPEATS, help="of the suite on the rig")
     parser.add_argument("--workers", default="", help="processes, as of the commands")
     parser.add_argument("--out", type=Path, help="folder of cases; one given goes on with it")
     parser.add_argument("--json", type=Path, help="write the figures here")

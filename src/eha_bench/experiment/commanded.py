@@ -114,11 +114,11 @@ class Commanded:
             return (BeforeTrial(float(reference[0]), read),)
         recorded = starts.get(self.channel)
         cases = [BeforeTrial(recorded or 0.0, read)]
-        if trial.setup.piston is Piston.LOCKED:
+        locked = trial.setup.piston is Piston.LOCKED
+        if locked:
             cases.append(BeforeTrial(0.0, read))
         little = _SWITCHED_OFF * float(np.abs(reference).max(initial=0.0))
-        under_way = recorded is None or abs(recorded) > little
-        if read and under_way and (recorded is None or trial.setup.piston is Piston.LOCKED):
+        if recorded is None or (locked and abs(recorded) > little):
             cases.append(BeforeTrial(0.0, {}))
         return tuple(case for k, case in enumerate(cases) if case not in cases[:k])
 

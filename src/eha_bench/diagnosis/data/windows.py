@@ -14,7 +14,7 @@ moves for long, in parts of a second: how many simulations a window takes grows 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -75,6 +75,11 @@ class Window:
     spread: Mapping[str, float]
     noise: Mapping[str, float] = field(default_factory=dict)
     carried: Mapping[str, float] = field(default_factory=dict)
+
+
+def runs_of(windows: Iterable[Window]) -> tuple[Measured, ...]:
+    """Return the runs that windows are of, each once."""
+    return tuple({id(window.measured): window.measured for window in windows}.values())
 
 
 def cut_windows(

@@ -16,7 +16,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.note import Note
 from eha_bench.diagnosis.data.command_lead import MOST, led, period_of, share_of
 from eha_bench.diagnosis.data.measured import Measured
-from eha_bench.diagnosis.data.windows import Window
+from eha_bench.diagnosis.data.windows import Window, runs_of
 from eha_bench.diagnosis.fit.evidence import FURTHEST
 from eha_bench.diagnosis.fit.least_squares import (
     Fit,
@@ -137,8 +137,7 @@ def lead_notes(measured: Sequence[Measured]) -> tuple[Note, ...]:
 
 def _commands(problem: Problem) -> list[str]:
     """Return inputs that are held between samples and change from one to the next."""
-    held = problem.plant.held_inputs
-    runs = {id(window.measured): window.measured for window in problem.windows}.values()
+    held, runs = problem.plant.held_inputs, runs_of(problem.windows)
     return [
         name
         for name in held

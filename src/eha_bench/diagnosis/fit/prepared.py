@@ -91,9 +91,15 @@ class Prepared:
     zeros: tuple[WanderingZero, ...] = ()
 
     @property
-    def of_inputs(self) -> list[FloatArray]:
-        """What the inputs' noise, and inputs that were lost, do to the residual, each (N, k)."""
-        return [item.columns for item in (self.shaken, self.lost) if item is not None]
+    def of_inputs(self) -> FloatArray:
+        """What the inputs' noise, and inputs that were lost, do to the residual, (N, k)."""
+        columns = [item.columns for item in (self.shaken, self.lost) if item is not None]
+        return np.column_stack([np.zeros((self.pick.size, 0)), *columns])
+
+    @property
+    def shift(self) -> FloatArray:
+        """By how much the start is moved from the measured one, in its spreads, (k,)."""
+        return np.zeros(len(self.starts)) if self.moved is None else self.moved
 
     def span(
         self, columns: FloatArray, zeros: Sequence[tuple[IndexArray, FloatArray]] = ()

@@ -401,22 +401,21 @@ class Problem:
         was told to a tenth. It is asked of windows whose start takes nearly all that is off, and is
         no further off than it may be: elsewhere something is missing.
         """
-        moved = np.zeros(len(part.starts)) if part.moved is None else part.moved
-        others = np.column_stack([np.zeros((part.pick.size, 0)), *part.of_inputs])
         every = np.ones(part.pick.size, dtype=np.bool_)
-        best, _ = best_start(base, slopes, others, moved, every)
-        taken = float(np.sum((slopes @ (best - moved)) ** 2))
+        best, _ = best_start(base, slopes, part.of_inputs, part.shift, every)
+        change = slopes @ (best - part.shift)
+        taken = float(np.sum(change**2))
         if taken < _TAKES * part.cost or np.abs(best).max(initial=0.0) > _SPREADS:
             return False
         trial = replace(part, moved=best)
         readings = WindowReadings((part,), len(self.plant.outputs))
         (there,) = self._of_drives(trial, [part.drive], readings, in_run)
-        off = there - (base + slopes @ (best - moved))
+        off = there - (base + change)
         return float(np.sum(part.white(off) ** 2)) > _BENDS**2 * part.cost
 
     def _span(self, part: Prepared, slopes: FloatArray) -> None:
         """Give a window what its start, its inputs' noise and wandering zeros do."""
-        part.span(np.column_stack([slopes, *part.of_inputs]), self._wandering(part))
+        part.span(np.column_stack([slopes, part.of_inputs]), self._wandering(part))
 
     def _slopes(
         self, parts: Sequence[Prepared], drives: Drives, readings: WindowReadings, in_run: _InRuns
@@ -471,8 +470,7 @@ class Problem:
         """
         if not part.starts:
             return 0.0
-        others = np.column_stack([np.zeros((part.pick.size, 0)), *part.of_inputs])
-        moved = np.zeros(len(part.starts)) if part.moved is None else part.moved
+        others, moved = part.of_inputs, part.shift
         drives, readings = Drives((part.drive,)), WindowReadings((part,), len(self.plant.outputs))
         ((base, slopes),) = self._slopes([part], drives, readings, in_run)
         for share in _HORIZONS:

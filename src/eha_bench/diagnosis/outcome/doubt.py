@@ -20,7 +20,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.measured import Measured
-from eha_bench.diagnosis.data.windows import window_at
+from eha_bench.diagnosis.data.windows import runs_of, window_at
 from eha_bench.diagnosis.fit.candidates import pairs_alike
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.layout import Layout
@@ -115,12 +115,11 @@ class ChannelScale:
         """Whether it is off by more than a sensor may be, and one reading could show it."""
         if abs(math.log(factor)) < least:
             return False
-        largest = 0.0
-        for measured in {
-            id(window.measured): window.measured for window in problem.windows
-        }.values():
-            if (column := measured.column(self.channel)) is not None:
-                largest = max(largest, float(np.nanmax(np.abs(column))))
+        columns = (run.column(self.channel) for run in runs_of(problem.windows))
+        largest = max(
+            (float(np.nanmax(np.abs(column))) for column in columns if column is not None),
+            default=0.0,
+        )
         return abs(factor - 1.0) * largest >= problem.noise[self.channel]
 
     def said(self, factor: float) -> str:

@@ -195,8 +195,7 @@ def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem 
     problem = _windows_of(dataset, known, noise)
     if problem is None or problem.size == 0:
         return None
-    vector = problem.places.lengthened(model.vector())
-    return fine_enough(steady_problem(problem, vector), vector)
+    return _sure(problem, problem.places.lengthened(model.vector()))
 
 
 def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured], list[str]]:
@@ -251,7 +250,7 @@ def _over_windows(
     before, after = (_windows_of(dataset, items, base.problem.noise) for items in known)
     if before is None or after is None:
         return {}, {}
-    after = fine_enough(steady_problem(after, vectors[1]), vectors[1])
+    after = _sure(after, vectors[1])
     before = cut_alike(before, after)
     return _rms_at(before, vectors[0]), rms_by_channel(after, vectors[1])
 
@@ -259,6 +258,11 @@ def _over_windows(
 def _rms_at(problem: Problem, vector: FloatArray) -> dict[str, float]:
     problem.prepare(vector)
     return rms_by_channel(problem, vector)
+
+
+def _sure(problem: Problem, vector: FloatArray) -> Problem:
+    """Return a problem as far as its simulations are sure, at a step fine enough for them."""
+    return fine_enough(steady_problem(problem, vector), vector)
 
 
 def _windows_of(dataset: Dataset, runs: list[Measured], noise: dict[str, float]) -> Problem | None:

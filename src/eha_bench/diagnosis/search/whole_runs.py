@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.data.windows import cut_windows
+from eha_bench.diagnosis.data.windows import cut_windows, runs_of
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start, one_of_each_form
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, compare, excess, groups_of
@@ -62,10 +62,9 @@ def _contested(search: Search) -> list[Accepted]:
 
 def _over_whole_runs(problem: Problem) -> Problem | None:
     """Return the problem over whole runs; None where no run is cut, or each has to be."""
-    runs = {id(window.measured): window.measured for window in problem.windows}
     windows = [
         window
-        for measured in runs.values()
+        for measured in runs_of(problem.windows)
         for window in cut_windows(measured, problem.noise, _UNCUT)
     ]
     return problem.over(windows) if len(windows) < len(problem.windows) else None

@@ -161,15 +161,6 @@ def roles_of_channels(
         and not any(out.state == item.position for out in system.outputs)
     }
     read = {output.state for output in system.outputs}
-    read |= {
-        item.position
-        for output, item in system.geared_channels()
-        if output.quantity not in ("speed", "velocity")
-    }
-    joined = [
-        end for part, ends in system.elastic_joints() if part.name not in shown for end in ends
-    ]
-    bent = [positions[item.name] for item in joined if item.position not in read]
     geared, geared_rates, geared_rate_of = {}, [], {}
     for output, item in system.geared_channels():
         moving = output.quantity in ("speed", "velocity")
@@ -179,6 +170,11 @@ def roles_of_channels(
             geared_rates.append(output.channel)
         else:
             geared_rate_of[output.channel] = rates[item.name]
+            read.add(item.position)
+    joined = [
+        end for part, ends in system.elastic_joints() if part.name not in shown for end in ends
+    ]
+    bent = [positions[item.name] for item in joined if item.position not in read]
     return ChannelRoles(
         rates=(*rates.values(), *geared_rates),
         rate_of={**{positions[name]: rates[name] for name in positions}, **geared_rate_of},
