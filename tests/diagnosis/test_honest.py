@@ -114,6 +114,16 @@ def test_held_out_runs_that_show_more_than_training_speak_against_none(train, ho
     assert says in told if says else told == ""
 
 
+def test_held_out_replays_may_be_off_by_what_the_fitted_numbers_are_unsure_by():
+    # the angle of a wheel that turned 130 rad, as far off as its friction's interval allows
+    end = found(train={"p": windows(1.0)}, holdout={"p": windows(1.05, 14.5)})
+    assert beyond_training(end, DEFAULT, lambda: {"p": 8.0}) == ""
+    assert "as whole replays 'p'" in beyond_training(end, DEFAULT, lambda: {"p": 5.0})
+    # over windows nothing adds up
+    over_windows = found(train={"p": windows(1.0)}, holdout={"p": windows(2.4, 14.5)})
+    assert "over short windows" in beyond_training(over_windows, DEFAULT, lambda: {"p": 50.0})
+
+
 def test_an_effect_that_no_held_out_run_can_speak_against_is_said(tmp_path: Path):
     path = write_drive(tmp_path)
     assert unchecked(found(), load_dataset(path)) == ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,7 +31,11 @@ from eha_bench.diagnosis.outcome.honest import (
 )
 from eha_bench.diagnosis.outcome.led_commands import with_led_commands
 from eha_bench.diagnosis.outcome.misplaced_columns import misplaced_column
-from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
+from eha_bench.diagnosis.outcome.model_errors import (
+    held_out_windows,
+    spread_of_replays,
+    with_replay_errors,
+)
 from eha_bench.diagnosis.outcome.only_a_mean import only_a_mean
 from eha_bench.diagnosis.outcome.other_forms import other_forms
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
@@ -111,7 +115,9 @@ class Conclusion:
             self.found = found = self._with_worst_range(self._with_differing_runs(found))
         if found.complete and found.verdict is Verdict.EFFECT and self.search.is_unexplained:
             self.found = found = self._with_worst_range(found)
-        if found.complete and (why := beyond_training(found, limits)):
+        if found.complete and (
+            why := beyond_training(found, limits, lambda: self._spread_of_replays(found))
+        ):
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
                 found = self._unknown_in_held_out()
@@ -423,6 +429,13 @@ class Conclusion:
             _, equation, _ = locate(problem, self.search.fit, COARSE, self._on_progress)
             self._decided(in_held_out(nothing_missing, equation))
         return self.found
+
+    def _spread_of_replays(self, found: Diagnosis) -> Mapping[str, float]:
+        """Return what the uncertainty of what was fitted makes of whole held-out replays, SI."""
+        if not found.rivals:
+            return {}
+        late = {name: item.value for name, item in found.lateness.items()}
+        return spread_of_replays(self.dataset, self.base, found.rivals[0], late)
 
     def _decided(self, decision: Decision) -> None:
         """Take another verdict on what was found, so that it stands if what follows fails."""

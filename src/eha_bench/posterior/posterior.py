@@ -54,9 +54,7 @@ class Component:
 
     def draw(self, generator: np.random.Generator) -> FloatArray:
         """Return one draw of what was fitted, (p,) SI, within the bounds of each."""
-        known = self.model.plant.layout.by_key
-        own = [known[key.partition("[")[0]] for key in self.keys]
-        low, high = np.array([item.low for item in own]), np.array([item.high for item in own])
+        low, high = self._bounds()
         root = root_of(self.covariance)
         centre = self.fitted_values
         for _ in range(_TRIES):
@@ -64,6 +62,18 @@ class Component:
             if np.all((found >= low) & (found <= high)):
                 return np.asarray(found)
         return np.asarray(np.clip(found, low, high))
+
+    def one_deviation_off(self) -> list[Model]:
+        """Return models one standard deviation off along independent directions, within bounds."""
+        low, high = self._bounds()
+        off = self.fitted_values[:, None] + root_of(self.covariance)
+        return [self.at(np.clip(values, low, high)) for values in off.T]
+
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of what was fitted, two (p,) SI."""
+        known = self.model.plant.layout.by_key
+        own = [known[key.partition("[")[0]] for key in self.keys]
+        return np.array([item.low for item in own]), np.array([item.high for item in own])
 
     def at(self, values: FloatArray) -> Model:
         """Return the model with other values of what was fitted, (p,) SI."""

@@ -9,7 +9,7 @@ a note.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import isfinite, nan
 
 from eha_bench.diagnosis.data.dataset import Dataset
@@ -17,11 +17,24 @@ from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 
+_LIKELY = 2.0
+"""Standard deviations up to which an error may be that of what was fitted."""
 
-def beyond_training(found: Diagnosis, limits: Thresholds) -> str:
-    """Say what held-out runs show that training runs do not, or nothing."""
+
+def beyond_training(
+    found: Diagnosis, limits: Thresholds, spread: Callable[[], Mapping[str, float]] = dict
+) -> str:
+    """Say what held-out runs show that training runs do not, or nothing.
+
+    Args:
+        found: with its errors. limits: of growth. spread: asked where whole replays have grown for
+            channel -> what the fitted numbers change there, SI, as uncertain as they are. A wheel's
+            angle of a long run tells its friction better than windows do that were fitted.
+    """
     windows = _worst(found, _over_windows, limits.windows)
     replays = _worst(found, _over_replays, limits.replays)
+    if windows is None and replays is not None:
+        replays = _worst(found, _over_replays, limits.replays, spread())
     worst = windows or replays
     if worst is None:
         return ""
@@ -44,12 +57,22 @@ def unchecked(found: Diagnosis, dataset: Dataset) -> str:
 
 
 def _worst(
-    diagnosis: Diagnosis, in_floors: Callable[[ChannelError], float], limit: float
+    diagnosis: Diagnosis,
+    in_floors: Callable[[ChannelError], float],
+    limit: float,
+    spread: Mapping[str, float] | None = None,
 ) -> tuple[str, float, float] | None:
-    """Return the channel whose error grows most, in noise floors there and in training."""
+    """Return the channel whose error grows most, in noise floors there and in training.
+
+    Args:
+        diagnosis: with its errors. in_floors: an error in them. limit: of growth.
+        spread: channel -> what its error may be there by the uncertainty of what was fitted, SI.
+    """
     found: list[tuple[float, str, float, float]] = []
     for name, item in diagnosis.holdout.items():
         if name not in diagnosis.train:
+            continue
+        if spread and item.after <= _LIKELY * spread.get(name, 0.0):
             continue
         seen, trained = in_floors(item), in_floors(diagnosis.train[name])
         if isfinite(trained) and seen > limit * max(trained, 1.0):

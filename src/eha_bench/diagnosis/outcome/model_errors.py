@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.progress import ProgressHook
@@ -40,6 +42,7 @@ from eha_bench.diagnosis.fit.steady_windows import cut_alike, steady_problem
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.covered_ranges import covered_ranges
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.outcome.rival import Rival
 from eha_bench.diagnosis.replay.delay_jump import ended_at_jumps
 from eha_bench.diagnosis.replay.error_by_value import ErrorByValue, beyond_notes, errors_by_value
 from eha_bench.diagnosis.replay.errors_by_channel import (
@@ -51,9 +54,10 @@ from eha_bench.diagnosis.replay.errors_by_channel import (
     rms_by_channel,
     spoiled_notes,
 )
-from eha_bench.diagnosis.replay.replay import Replay, replay
+from eha_bench.diagnosis.replay.replay import Replay, replay, rough_replay
 from eha_bench.plants.model import Model
 from eha_bench.posterior.covered import Covered
+from eha_bench.posterior.posterior import Component
 
 _KINDS = {Use.TRAIN: "training", Use.HOLDOUT: "held-out", Use.UNSEEN: "unseen"}
 
@@ -187,15 +191,47 @@ def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem 
         dataset: all runs. base: what was fitted. model: as fitted; a run's own parameters are
             estimated from its first part.
     """
-    noise = base.problem.noise
-    runs, _ = _read(dataset, base.measured)
-    runs = [item for item in runs if item.run.use is Use.HOLDOUT]
-    own = [first_part(item, model, noise).values for item in runs]
-    known = [item.knowing(values) for item, values in zip(runs, own, strict=True)]
-    problem = _windows_of(dataset, known, noise)
+    known = _held_out(dataset, base, model)
+    problem = _windows_of(dataset, known, base.problem.noise)
     if problem is None or problem.size == 0:
         return None
     return _sure(problem, problem.places.lengthened(model.vector()))
+
+
+def spread_of_replays(
+    dataset: Dataset, base: Baseline, rival: Rival, late: Mapping[str, float]
+) -> dict[str, float]:
+    """Return what the fitted numbers, as uncertain as they are, change in whole held-out replays.
+
+    The root mean square by channel, SI, over draws from the covariance C, to first order:
+    S^2 = sum over k of mean((y(p + r_k) - y(p))^2), R = (r_1, r_2 ...), R R' = C (the law of
+    propagation of uncertainty, JCGM 100:2008, 5.2).
+
+    Args:
+        dataset: all runs. base: what was fitted. rival: a model with its covariance.
+        late: clock -> s by which its stamps are late.
+    """
+    fitted = Component(rival.id, rival.model, rival.covariance.parameters, rival.covariance.matrix)
+    models = [rival.model, *fitted.one_deviation_off()]
+    squares: dict[str, float] = {}
+    counts: dict[str, int] = {}
+    for run in _held_out(dataset, base, rival.model):
+        replayed = rough_replay(run, models, {}, late)
+        for name, column in replayed.measured.items():
+            read = np.isfinite(column)
+            at, *others = (values[name][read] for values in replayed.simulated)
+            changed = sum(float(np.sum((other - at) ** 2)) for other in others)
+            squares[name] = squares.get(name, 0.0) + changed
+            counts[name] = counts.get(name, 0) + int(read.sum())
+    return {name: math.sqrt(squares[name] / max(counts[name], 1)) for name in squares}
+
+
+def _held_out(dataset: Dataset, base: Baseline, model: Model) -> list[Measured]:
+    """Return the held-out runs, each with its own parameters as its first part tells them."""
+    runs, _ = _read(dataset, base.measured)
+    runs = [item for item in runs if item.run.use is Use.HOLDOUT and item.outputs]
+    own = [first_part(item, model, base.problem.noise).values for item in runs]
+    return [item.knowing(values) for item, values in zip(runs, own, strict=True)]
 
 
 def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured], list[str]]:
