@@ -9,6 +9,7 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.ticks import nearest, on_ticks
+from eha_bench.recordings.series import gap_note, nan_note
 
 PERIOD = 1e-3
 COUNT = 4000
@@ -77,6 +78,25 @@ def test_cells_that_are_empty_in_rows_of_another_clock_are_no_lost_messages() ->
     # one per cent of the rows lost: as many messages
     some = on_ticks([_interleaved(0.01)], names[:1], names[1:])
     assert some.lost["current_command"].sum() == pytest.approx(0.01 * COUNT, rel=0.4)
+
+
+def test_counts_of_a_tables_rows_say_nothing_of_its_clocks() -> None:
+    names = ["current_command", "pressure_a", "motor_angle"]
+    table = _interleaved(0.01)
+    stamps = np.round(1e9 * table.time).astype(np.int64)
+    empty = nan_note("motor_angle", table["motor_angle"], table.time)
+    counts = [
+        *gap_note("time", stamps, 0),
+        *empty,
+        *nan_note(names[0], table[names[0]], table.time),
+    ]
+    assert len(counts) == 3
+    found = on_ticks([replace(table, notes=("of the file", *counts))], names[:1], names[1:])
+    assert "of the file" in found.recording.notes
+    assert not {*counts} & {*found.recording.notes}
+    # of one clock they are true
+    whole = Recording(table.time, dict.fromkeys(names, table.time), notes=tuple(counts))
+    assert on_ticks([whole], names[:1], names[1:]).recording.notes[:3] == tuple(counts)
 
 
 def test_a_command_in_some_of_a_tables_rows_acts_until_its_next() -> None:

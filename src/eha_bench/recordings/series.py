@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,15 @@ from eha_bench.recordings.track import Column, Stamps, Track
 
 GAP = 1.5
 """An interval longer than this many median intervals is reported as a gap."""
+_GAPS = (
+    "{clock}: {count:d} gap{s} in time, the longest {longest:.6g} s after {at:.6g} s "
+    "(samples usually every {period:.6g} s)"
+)
+_NOT_FINITE = (
+    "channel '{channel}': {count:d} of {size:d} samples are not finite, first at {at:.6g} s; they "
+    "are kept"
+)
+_SLOW = "channel '{channel}' has one reading in {every:d} samples"
 _BLOCK = 1 << 16
 _SAMPLED = 1 << 14
 _EXACT = 2.0**53
@@ -200,8 +210,7 @@ def gap_note(name: str, stamps: Stamps, epoch: int) -> list[str]:
     count = found.starts.size
     return [
         Note(
-            "{clock}: {count:d} gap{s} in time, the longest {longest:.6g} s after {at:.6g} s "
-            "(samples usually every {period:.6g} s)",
+            _GAPS,
             clock=name,
             count=count,
             s="s" if count > 1 else "",
@@ -224,19 +233,31 @@ def nan_note(name: str, values: Column, time: FloatArray) -> list[str]:
     readings = readings_of(values)
     if readings.every > 1:
         lost = ", {missing:d} of its readings are missing" if readings.missing else ""
-        text = "channel '{channel}' has one reading in {every:d} samples" + lost
+        text = _SLOW + lost
         return [Note(text, channel=name, every=readings.every, missing=readings.missing)]
     at = time[int(np.argmax(bad))]
     return [
         Note(
-            "channel '{channel}': {count:d} of {size:d} samples are not finite, first at {at:.6g} "
-            "s; they are kept",
+            _NOT_FINITE,
             channel=name,
             count=count,
             size=values.size,
             at=float(at),
         )
     ]
+
+
+def without_counts_of_rows(notes: Iterable[str]) -> tuple[str, ...]:
+    """Return the notes on a table but those that count its rows: gaps, and empty cells.
+
+    Where several clocks were written into one table they say nothing of any of them.
+    """
+    return tuple(
+        note
+        for note in notes
+        if not isinstance(note, Note)
+        or not any(text in note.template for text in (_GAPS, _NOT_FINITE, _SLOW))
+    )
 
 
 def rounding_note(name: str, values: Column, kind: str) -> list[str]:

@@ -24,6 +24,7 @@ from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.note import Note
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import ClockEvidence, RegularClock, clock_beside, clock_evidence
+from eha_bench.recordings.series import without_counts_of_rows
 
 _SAME = 0.05
 """What samples of one tick lie apart at most, in periods of the fastest topic."""
@@ -198,12 +199,13 @@ def _interleaved(table: Recording, inputs: Collection[str]) -> list[Recording]:
                 break
         else:
             groups.append([name])
+    notes = without_counts_of_rows(table.notes) if len(groups) > 1 else table.notes
     parts = []
     for group in groups:
         rows = np.any([there[name] for name in group], axis=0)
         if rows.any():
             values = {name: table.values[name][rows] for name in group}
-            parts.append(replace(table, time=table.time[rows], values=values))
+            parts.append(replace(table, time=table.time[rows], values=values, notes=notes))
     return parts
 
 
