@@ -623,6 +623,9 @@ def test_a_calibration_is_there_before_its_errors(tmp_path, monkeypatch):
         (0.01, "widening_leakage", False),
         (0.001, "entrained_air", False),
         (0.001, "gravity_load", False),
+        # a drain of two terms left a valve that let out 0.5 % of the flow, 8 MPa above its setting
+        (0.011, "external_leakage", True),
+        (0.1, "external_leakage", False),
     ],
 )
 def test_what_another_effect_leaves_on_the_same_term_is_the_form_of_its_law(
@@ -645,7 +648,8 @@ def test_what_another_effect_leaves_on_the_same_term_is_the_form_of_its_law(
         problem=SimpleNamespace(plant=SimpleNamespace(layout=layout)),
         effects=items,
         fit=SimpleNamespace(vector=np.zeros(layout.size)),
+        excess_base=Excess(1e6, 10**4, 50.0, {}),
     )
     kind = honest._of_its_kind(search, items[1])
-    text = "" if kind is None else honest._form_of(search, kind, SimpleNamespace())
+    text = "" if kind is None else honest._form_of(search, items[1], kind, SimpleNamespace())
     assert (f"{other} changes the same term" in text) is refused

@@ -72,7 +72,7 @@ def _dropped(search: Search) -> list[Refusal]:
             reason = _beside_others(search, item, refit)
         if not reason and (other := _of_its_kind(search, item)):
             refit = refit or without(search, item)
-            reason = _form_of(search, other, refit)
+            reason = _form_of(search, item, other, refit)
         if not reason and contradicted(search.problem.beliefs, search.fit.vector, FAR):
             refit = refit or (without(search, item) if len(search.effects) > 1 else search.base)
             reason = _takes_from_belief(search, refit)
@@ -323,15 +323,22 @@ def _of_its_kind(search: Search, item: Accepted) -> Accepted | None:
     )
 
 
-def _form_of(search: Search, other: Accepted, refit: Fit) -> str:
+def _form_of(search: Search, item: Accepted, other: Accepted, refit: Fit) -> str:
     """Say that what another effect leaves alone is no second cause but its form, or nothing.
 
+    What describes with more numbers what the other does (a valve that opens at a low pressure, and
+    a leak) is its form as long as it takes little of all that is missing.
+
     Args:
-        search: with both. other: the effect. refit: without the one that is asked for.
+        search: with both. item: that is asked for. other: the effect. refit: without `item`.
     """
+    limits = search.thresholds
     left = max(excess(search.problem, refit).total, 0.0)
     share = left / max(other.comparison.gain, 1.0)
-    if not share < search.thresholds.form:
+    alike = search.problem.plant.layout.effect(item.start.candidate).effect.yields_to
+    if alike == other.start.candidate:
+        share = min(share, left / max(search.excess_base.total, 1.0))
+    if not share < (limits.behind_share if alike == other.start.candidate else limits.form):
         return ""
     return (
         f"{other.start.candidate} changes the same term, and explains all but "
