@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eha_bench.diagnosis.fit.convergence import convergence
+from eha_bench.diagnosis.fit.convergence import convergence, determined_directions
 from eha_bench.diagnosis.fit.finish import to_the_bottom
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, jacobian, levenberg_marquardt
 
@@ -61,3 +61,20 @@ def test_a_fit_at_its_bottom_stays_there() -> None:
     once = to_the_bottom(problem, _fit(problem, np.array([0.1, 2.4, 0.28])))
     again = to_the_bottom(problem, once)
     np.testing.assert_allclose(again.vector, once.vector, rtol=1e-3)
+
+
+def test_what_is_hardly_believed_still_has_a_minimum() -> None:
+    # a torque constant over a mass, each known to half of itself: only beliefs tell their scale
+    drive = 30.0 * DRIVE
+    data = np.column_stack([drive, -drive])
+    believed = np.diag([2.0, 2.0])
+    away = np.append(np.zeros(DRIVE.size), [1.2, 1.2])
+    free = tuple(Free(key, k, 1e-3, 10.0, 1.0) for k, key in enumerate(("constant", "mass")))
+    fit = Fit(np.ones(2), free, away, np.vstack([data, believed]), 2.88, 0, 1e6, 2)
+    found = determined_directions(fit)
+    assert found.information[0] == pytest.approx(4.0)
+    # each is 1.2 standard deviations of what is believed away
+    assert convergence(fit).distance == pytest.approx(np.hypot(1.2, 1.2), rel=1e-6)
+    # what nobody believes anything of has no minimum there
+    alone = Fit(np.ones(2), free, away[:-2], data, 0.0, 0, 1e6, 0)
+    assert determined_directions(alone).information.size == 1

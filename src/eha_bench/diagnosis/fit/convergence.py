@@ -31,6 +31,8 @@ FAR = 3.0
 """Factor from which a parameter that has moved is reported."""
 _AT = 1e-3
 """Distance from a bound, in scales, that is none."""
+_BELIEVED = 0.5
+"""Part of a direction's information from which it is what is believed that tells it."""
 
 
 @dataclass(frozen=True)
@@ -135,10 +137,11 @@ class DeterminedDirections:
 
 
 def determined_directions(fit: Fit) -> DeterminedDirections:
-    """Return the eigenvectors of a fit's information that the data determine.
+    """Return the eigenvectors of a fit's information that the data, or beliefs, determine.
 
-    What they do not determine has no minimum to arrive at. Parameters that stand at a bound, and
-    would go beyond, are left out.
+    What neither determines has no minimum to arrive at: a direction along which a standard
+    deviation is more than `LOOSE`, unless it is what is believed that tells most of it. Parameters
+    that stand at a bound, and would go beyond, are left out.
 
     Args:
         fit: with the Jacobian at its own place.
@@ -152,11 +155,13 @@ def determined_directions(fit: Fit) -> DeterminedDirections:
     ], dtype=np.intp)  # fmt: skip
     sizes = np.array([abs(fit.vector[i.at]) or i.scale for i in fit.free])[inside]
     units = sizes / np.array([item.scale for item in fit.free])[inside]
-    values, vectors = np.linalg.eigh((matrix[:, inside] * units).T @ (matrix[:, inside] * units))
-    kept = values > _level(fit) / LOOSE**2
-    own = vectors[:, kept]
+    own = matrix[:, inside] * units
+    values, vectors = np.linalg.eigh(own.T @ own)
+    believed = np.sum((own[own.shape[0] - fit.beliefs :] @ vectors) ** 2, axis=0)
+    kept = (values > _level(fit) / LOOSE**2) | (believed > _BELIEVED * values)
+    along = vectors[:, kept]
     return DeterminedDirections(
-        inside, own * sizes[:, None], own.T @ (gradient[inside] * units), values[kept]
+        inside, along * sizes[:, None], along.T @ (gradient[inside] * units), values[kept]
     )
 
 
