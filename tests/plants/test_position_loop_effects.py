@@ -13,10 +13,11 @@ from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 from eha_bench.plants.registry import get_plant
 
-NAMES = ("reference_rate_limit", "position_deadband", "integral_action")
+NAMES = ("reference_rate_limit", "reference_delay", "position_deadband", "integral_action")
 FORMS = [
     ("reference_rate_limit", {"form": "rate"}),
     ("reference_rate_limit", {"form": "trapezoid"}),
+    ("reference_delay", {}),
     ("position_deadband", {"form": "shifted"}),
     ("position_deadband", {"form": "jump"}),
     ("integral_action", {}),
@@ -95,6 +96,50 @@ def test_a_window_begins_where_the_limited_reference_was() -> None:
     vector = vector_of("reference_rate_limit", time_per_unit=2.0)
     window = plant.simulate(vector, drive, 1e-4)[350:, list(plant.outputs).index("angle")]
     np.testing.assert_allclose(window, whole["angle"][first : first + 100], atol=1e-4)
+
+
+# --- reference_delay ----------------------------------------------------------------------------
+
+
+def test_a_late_reference_is_the_same_answer_later() -> None:
+    """12 ms late: twelve periods; 2.5 ms: half of the step is there after two, all after three."""
+    goal = stepped(0.2)
+    late = run(goal, "reference_delay", delay=0.012)["angle"]
+    np.testing.assert_allclose(late[12:], run(goal)["angle"][:-12], atol=1e-9)
+    between = goal.copy()
+    between[100:103] = (0.0, 0.0, 0.1)
+    late = run(goal, "reference_delay", delay=2.5e-3)["angle"]
+    np.testing.assert_allclose(late, run(between)["angle"], atol=1e-9)
+
+
+def test_a_reference_is_late_between_the_samples_of_a_slow_log() -> None:
+    slow = run(stepped(0.2)[::20], "reference_delay", period=0.02, delay=7e-3)
+    fast = run(stepped(0.2), "reference_delay", delay=7e-3)
+    np.testing.assert_allclose(slow["angle"], fast["angle"][::20], atol=1e-9)
+
+
+def test_a_window_begins_with_what_was_asked_for_before_it() -> None:
+    goal = 0.3 * np.sin(np.arange(600) / 40.0)
+    whole = run(goal, "reference_delay", delay=0.03)
+    plant, first = get_plant("position_servo"), 400
+    rows = slice(first - 60, first + 100)
+    start = {name: float(whole[name][first]) for name in ("angle", "velocity")}
+    drive = Drive(ticks(goal.size)[rows], {"goal_position": goal[rows]}, start, first=60)
+    vector = vector_of("reference_delay", delay=0.03)
+    window = plant.simulate(vector, drive, 1e-4)[60:, list(plant.outputs).index("angle")]
+    np.testing.assert_allclose(window, whole["angle"][first : first + 100], atol=1e-4)
+
+
+def test_a_late_reference_leaves_the_loop_as_stiff_as_it_is() -> None:
+    """A weight that is let go is held as soon; a delay behind the loop makes it swing."""
+    goal = np.zeros(1000)
+    plain, late, behind = (
+        run(goal, name, 0.2, **values)["angle"]
+        for name, values in (("", {}), ("reference_delay", {"delay": 0.05}),
+                             ("command_delay", {"delay": 0.05}))
+    )  # fmt: skip
+    np.testing.assert_allclose(late, plain, atol=1e-9)
+    assert np.max(np.abs(behind - plain)) > 1e-2
 
 
 # --- position_deadband --------------------------------------------------------------------------

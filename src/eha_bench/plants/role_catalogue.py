@@ -42,7 +42,7 @@ _CHANGED: Final = {
     "demand": "command within its limits",
     "drive": "what acts: what the command asked for",
     "reference": "position that a loop follows; its `reading`, `period` and `speed` may be named "
-    "as well",
+    "as well, and what was asked for at all ticks, as for `command`",
     "loop_command": "command by the law of a position loop, before any limit, of an `error` that "
     "`reference` may have changed; `reading`, `period` and `speed` may be named as well",
     "asked": "command as its own channel shows it",

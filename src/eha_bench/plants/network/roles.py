@@ -497,7 +497,7 @@ def _position_loop(system: System) -> Iterator[Spot]:
             name,
             Equation.ACTUATION,
             {
-                "reference": (Hook(f"reference:{name}"),),
+                "reference": (Hook(f"reference:{name}", {"t": "now", "commands": "inputs"}),),
                 "loop_command": (Hook(f"loop_command:{name}"),),
             },
             {

@@ -928,6 +928,7 @@ class Writer:
             assert column.part is not None
             if self.hooks.uses(f"command:{column.part.name}"):
                 body.append(f"commands{number} = inputs[:, {number}]")
+        body += self._past_references()
         body += ["if fresh:", *(f"    {line}" for line in self._fresh())]
         body.append("for k in range(first, last + 1):")
         body += [f"    {line}" for line in self._tick()]
@@ -938,6 +939,15 @@ class Writer:
             body,
             mark="@njit(cache=True, nogil=True)",
         )
+
+    def _past_references(self) -> list[str]:
+        """Lines that name what each controller inside the plant is asked for at all ticks."""
+        return [
+            f"references{number} = inputs[:, {number}]"
+            for number, column in enumerate(self.system.columns)
+            if self.system.is_followed(column)
+            and self.hooks.uses(f"reference:{column.part.name if column.part else ''}")
+        ]
 
     def _fresh(self) -> list[str]:
         """Lines that begin a simulation: what is held, then elements' signals, then effects'."""
@@ -1155,7 +1165,9 @@ class Writer:
         known = ("reading", "period", "speed")
         by_reference, by_command = f"reference:{part.name}", f"loop_command:{part.name}"
         if self.hooks.uses(by_reference) or self.hooks.uses(by_command):
-            hooked = self.hooks.apply(by_reference, followed, known)
+            past = {"k": row, "now": f"times[{row}]", "h": "period", "times": "times",
+                    "inputs": f"references{reference}"}  # fmt: skip
+            hooked = self.hooks.apply(by_reference, followed, known, past)
             error = system.loop_error(name)
             lines = [f"period = {period}", f"reference = {hooked}"]
             lines.append(f"S[{error}] = reference - reading")
