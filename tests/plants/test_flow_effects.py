@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from eha_bench.plants.effects import (
     entrained_air,
     external_leakage,
+    oil_stiffening,
     relief_valve,
     turbulent_leakage,
     widening_leakage,
@@ -246,6 +247,22 @@ def test_air_only_softens_and_less_at_high_pressure(p, air) -> None:
     here = entrained_air.effective_bulk_modulus(BETA, p, air, 1.0, 1e5, 0.0, 0.0, 2e7, 0.0)
     higher = entrained_air.effective_bulk_modulus(BETA, p * 1.1, air, 1.0, 1e5, 0.0, 0.0, 2e7, 0.0)
     assert 0 < here <= higher <= BETA
+
+
+def test_compressing_oil_that_stiffens_follows_the_exponential_law(bare_knee, effect) -> None:
+    """beta = beta_0 + m p: p grows to beta_0 / m (exp(m dV / V) - 1), more than in proportion."""
+    time = np.arange(0.0, 0.02, 1e-3)
+    omega, m = 20.0, 50.0
+    speed = {"motor_speed": np.full(time.size, omega)}
+    start = {"pressure_a": 0.0, "pressure_b": 4e7}
+    plain = bare_knee.run(time, speed, initial=start)["pressure_a"]
+    stiff = bare_knee.run(time, speed, effect("oil_stiffening", slope=m), initial=start, step=2e-6)[
+        "pressure_a"
+    ]
+    assert plain[-1] > 2e6
+    expected = BETA / m * np.expm1(m * plain / BETA)
+    np.testing.assert_allclose(stiff, expected, rtol=1e-4, atol=1.0)
+    assert oil_stiffening.stiffer(BETA, -1e5, m) == BETA
 
 
 def test_compressing_oil_with_air_follows_the_mixture_law(bare_knee, effect) -> None:
