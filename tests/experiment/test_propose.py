@@ -20,6 +20,7 @@ from eha_bench.core.limit import Bounds
 from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.beliefs import Belief
+from eha_bench.diagnosis.outcome.beyond_training import SHOWN_BY_HELD_OUT
 from eha_bench.experiment.commanded import Commanded
 from eha_bench.experiment.describe import width_words
 from eha_bench.experiment.hypothesis import _with_doubt, read_question
@@ -142,22 +143,37 @@ def test_one_rival_that_is_well_known_leaves_nothing_open(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("equation", "says"),
+    ("equation", "variables", "says"),
     [
-        (None, "was not located"),
-        ("torque", "in the torque balance follows no curve of one logged channel"),
+        (None, [], "was not located"),
+        ("torque", [], "in the torque balance follows no curve of one logged channel"),
+        ("torque", ["wheel_speed"], "in the torque balance depends on wheel_speed, and its curve"),
     ],
 )
-def test_an_unknown_without_a_model_is_not_planned_for(tmp_path: Path, equation, says):
+def test_an_unknown_without_a_model_is_not_planned_for(tmp_path: Path, equation, variables, says):
     folder = write_question(tmp_path, [rival(*LAG)])
     file = folder / "diagnosis.json"
     content = json.loads(file.read_text())
-    unknown = {"equation": equation, "variables": [], "description": ""}
+    unknown = {"equation": equation, "variables": variables, "description": ""}
     file.write_text(json.dumps(content | {"verdict": "unknown", "unknown": unknown}))
     found = eb.next_experiment(folder)
     assert found.ending is ProposalEnding.NONE_PERMITTED
     assert says in found.sentence
     assert "log more channels" in found.sentence
+
+
+def test_what_held_out_runs_show_is_to_be_trained_on_first(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(*LAG)])
+    file = folder / "diagnosis.json"
+    content = json.loads(file.read_text())
+    unknown = {"equation": "flow", "variables": [], "description": ""}
+    note = f"{SHOWN_BY_HELD_OUT}: over short windows 'pressure_a' errs by 2.31 times its noise"
+    more = {"verdict": "unknown", "unknown": unknown, "notes": [note]}
+    file.write_text(json.dumps(content | more))
+    found = eb.next_experiment(folder)
+    assert found.ending is ProposalEnding.NONE_PERMITTED
+    assert "use such a run for training, and run `eha-bench diagnose` again" in found.sentence
+    assert "log more channels" not in found.sentence
 
 
 def test_an_unknown_that_a_curve_plays_is_still_open(tmp_path: Path):

@@ -19,6 +19,7 @@ from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.beliefs import Belief, beliefs_of
 from eha_bench.diagnosis.fit.convergence import MOST
 from eha_bench.diagnosis.fit.friction_at_rest import is_friction_at_rest
+from eha_bench.diagnosis.outcome.beyond_training import SHOWN_BY_HELD_OUT
 from eha_bench.diagnosis.outcome.diagnosis import (
     DIAGNOSIS_FILE,
     MAY_AS_WELL,
@@ -298,7 +299,7 @@ def read_question(path: str | Path) -> Question:
         tuple(found),
         covered,
         bool(content.get("complete", True)),
-        _not_simulated(unknown) if unknown and not learned else "",
+        _not_simulated(unknown, content.get("notes") or ()) if unknown and not learned else "",
         file,
         tuple(
             note.removeprefix(_CAUTION)
@@ -358,14 +359,29 @@ def _unnamed(content: Mapping[str, Any]) -> str:
     return "; ".join(said)
 
 
-def _not_simulated(unknown: Mapping[str, Any]) -> str:
-    """Say why something unknown is in no rival, as a clause."""
-    if unknown.get("equation") is None:
-        return "the unknown effect was not located"
+def _not_simulated(unknown: Mapping[str, Any], notes: Sequence[str]) -> str:
+    """Say why something unknown is in no rival, and what to do first, as a clause."""
+    if any(note.startswith(SHOWN_BY_HELD_OUT) for note in notes):
+        return (
+            "something shows in held-out runs alone, and no rival can be simulated without a model "
+            "of it: use such a run for training"
+        )
     where = f" ({unknown['where']})" if unknown.get("where") else ""
+    balance = f"the unknown effect in the {unknown.get('equation')} balance"
+    if unknown.get("equation") is None:
+        why = "the unknown effect was not located"
+    elif unknown.get("variables"):
+        why = (
+            f"{balance} depends on {', '.join(unknown['variables'])}, and its curve was left out, "
+            f"as whole runs err more with it{where}"
+        )
+    else:
+        why = (
+            f"{balance} follows no curve of one logged channel closely enough for a model of "
+            f"it{where}"
+        )
     return (
-        f"the unknown effect in the {unknown['equation']} balance follows no curve of one logged "
-        f"channel closely enough for a model of it{where}"
+        f"{why}, so no rival can be simulated: declare what the plant lacks, or log more channels"
     )
 
 

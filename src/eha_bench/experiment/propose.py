@@ -250,10 +250,7 @@ class _Planner:
         """Say what is open that no experiment of one rival would tell; "" where nothing is."""
         question = self.question
         if question.not_simulated:
-            return (
-                f"{question.not_simulated}, so no rival can be simulated: declare what the "
-                "plant lacks, or log more channels, and run `eha-bench diagnose` again"
-            )
+            return f"{question.not_simulated}, and run `eha-bench diagnose` again"
         if question.no_interval:
             # parameters are not narrowed while their model leaves too much unexplained
             return (

@@ -11,12 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import isfinite, nan
+from typing import Final
 
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 
+SHOWN_BY_HELD_OUT: Final = "held-out runs show what training runs do not"
+"""How a note on it begins."""
 _LIKELY = 2.0
 """Standard deviations up to which an error may be that of what was fitted."""
 
@@ -41,7 +44,7 @@ def beyond_training(
     name, seen, trained = worst
     over = "over short windows" if windows else "as whole replays"
     return (
-        f"held-out runs show what training runs do not: {over} '{name}' errs by {seen:.3g} times "
+        f"{SHOWN_BY_HELD_OUT}: {over} '{name}' errs by {seen:.3g} times "
         f"its noise there, and by {trained:.3g} times in training"
     )
 
