@@ -125,3 +125,12 @@ def test_a_remainder_that_may_be_a_form_has_a_place_only_where_a_curve_tells_it(
     left: Remainder, said: str
 ) -> None:
     assert left.note.startswith(f"what remains ({said}")
+
+
+def test_a_form_that_is_off_is_not_said_to_follow_the_time() -> None:
+    # a leak of another form changes with the pressure, and so all the time
+    form = Remainder(0.05, "flow", "chamber_b", "time", 1.0, (), ("external_leakage",))
+    assert "a curve of time" not in form.note
+    assert "it follows no channel alone. external_leakage acts there, too" in form.note
+    elsewhere = Remainder(0.05, "measurement", "pressure_a", "time", 0.9)
+    assert "a curve of time explains 90 % of it" in elsewhere.note

@@ -70,7 +70,9 @@ class Remainder:
         if self.share < ALL_BUT_A_FORM and self.explained < _MOST and not self.found_there:
             return text + "is too little to tell where it acts"
         text += acts_in(self.equation, self.at)
-        if self.variable:
+        if self.variable == "time" and self.found_there:
+            text += "; it follows no channel alone"  # a law in another form changes all the time
+        elif self.variable:
             text += f"; a curve of {self.follows} explains {per_cent(self.explained)} of it"
         else:
             text += "; no curve of one variable explains any of it"
