@@ -198,6 +198,19 @@ def test_commands_that_come_when_they_change_are_not_lost_between() -> None:
     assert not found.lost["current_command"].any()
 
 
+def test_slow_readings_that_share_a_commands_tick_keep_their_instants() -> None:
+    """Polled every 11 ms or so, with a command 0.3 ms behind each reading, or 1.3 ms."""
+    rng = np.random.default_rng(0)
+    read = np.cumsum(rng.integers(9, 15, 400) * 1e-3)
+    asked = read + np.where(np.arange(400) % 2, 0.3e-3, 1.3e-3)
+    topics = [Recording(asked, {"goal": _speed(asked)}), Recording(read, {"angle": _speed(read)})]
+    found = on_ticks(topics, ["goal"], ["angle"])
+    there = np.isfinite(found.recording["angle"])
+    instants = (found.recording.time + found.taken["angle"])[there]
+    assert np.allclose(_speed(instants), found.recording["angle"][there])
+    assert found.late == {"angle": "angle"}
+
+
 def test_the_nearest_tick() -> None:
     ticks = np.array([0.0, 1.0, 2.0])
     found = nearest(ticks, np.array([-5.0, 0.4, 0.6, 1.49, 1.51, 9.0]))

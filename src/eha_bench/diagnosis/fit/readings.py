@@ -18,6 +18,8 @@ from eha_bench.plants.compiled import njit
 
 _BAD = 1e9
 """Largest weighted residual: a simulation that runs away counts as this much."""
+_LONG = 2e-3
+"""Time from tick to tick, s, over which a simulation is no longer straight."""
 
 
 class _Simulations(NamedTuple):
@@ -246,6 +248,13 @@ def _left_of_each(
             share = (instant - earlier) / (ticks[here + after] - earlier)
             at = begin + (after - 1) * width + columns[k]
             own[between_rows[k]] = values[at] + share * (values[at + width] - values[at])
+            long = ticks[here + after] - earlier
+            if long > _LONG and here + after + 1 < there and 0.0 <= share <= 1.0:
+                # of slow ticks a simulation bends from one to the next: a parabola through three
+                next_ = ticks[here + after + 1] - ticks[here + after]
+                bend = (values[at + 2 * width] - values[at + width]) / next_
+                bend = (bend - (values[at + width] - values[at]) / long) / (long + next_)
+                own[between_rows[k]] += bend * (instant - earlier) * (instant - ticks[here + after])
         for r in range(count):
             difference = target[first + r] - own[r] / scale[first + r]
             if not abs(difference) <= _BAD:
