@@ -99,12 +99,12 @@ def _left(base: Baseline, other: Baseline) -> float:
 def _errors(base: Baseline) -> Mapping[str, float]:
     """Return each channel's mean square error over all windows, SI squared."""
     problem = base.problem
-    residual = problem.in_readings(base.fit.residual)
+    residual = problem.in_readings(base.fit.residual) * problem.scale
     names = problem.plant.outputs
     squares: dict[str, list[FloatArray]] = {}
     for piece in problem.pieces:
         rows = residual[piece.rows]
         for channel, mask in piece.by_channel():
             name = names[channel]
-            squares.setdefault(name, []).append((rows[mask] * problem.noise[name]) ** 2)
+            squares.setdefault(name, []).append(rows[mask] ** 2)
     return {name: float(np.mean(np.concatenate(own))) for name, own in squares.items()}

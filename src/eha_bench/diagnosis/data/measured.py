@@ -52,6 +52,19 @@ class Turning(NamedTuple):
     ratio: float
 
 
+class Scattered(NamedTuple):
+    """What a clock whose stamps scatter makes of a channel's readings (`stamps`).
+
+    Attributes:
+        stamps: standard deviation of stamps, s. noise: of a reading at rest, SI; NaN: not known.
+        moved: (n,) standard deviation that scatter adds to each reading, SI.
+    """
+
+    stamps: float
+    noise: float
+    moved: FloatArray
+
+
 @dataclass(frozen=True)
 class Measured:
     """A recording that passed the gate, on its own clock.
@@ -71,6 +84,7 @@ class Measured:
             what was asked for is exact, and not in here.
         colours: channel -> colour of its noise, where that is not white.
         wander: channel -> how its zero wanders, where that was found.
+        scattered: channel -> what stamps that scatter make of its readings, where they do.
         start: angle of the shaft at the first sample. roles: what the channels are.
         first: channel -> its first reading as logged, whether it may be believed or not.
         taken: channel -> (n,) s that its samples were taken after their ticks; without: at them.
@@ -98,6 +112,7 @@ class Measured:
     input_noise: Mapping[str, float] = field(default_factory=dict)
     colours: Mapping[str, Colour] = field(default_factory=dict)
     wander: Mapping[str, Wander] = field(default_factory=dict)
+    scattered: Mapping[str, Scattered] = field(default_factory=dict)
     start: StartAngle = KNOWN
     roles: ChannelRoles = KNOWN_CHANNELS
     first: Mapping[str, FirstReading] = field(default_factory=dict)
@@ -157,6 +172,9 @@ class Measured:
             valid=self.valid[:n],
             breaks=tuple(tick for tick in self.breaks if tick < n),
             taken={name: values[:n] for name, values in self.taken.items()},
+            scattered={
+                name: item._replace(moved=item.moved[:n]) for name, item in self.scattered.items()
+            },
         )
 
     def ended(self, until: float) -> Measured:
@@ -362,6 +380,9 @@ def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[s
 
 def _noise_of_column(measured: Measured, name: str, column: FloatArray) -> float:
     """Return a channel's noise in one run; where it has a colour, that of all of it."""
+    scattered = measured.scattered.get(name)
+    if scattered is not None and scattered.noise > 0.0:
+        return scattered.noise
     parted = parted_at_gaps(measured.time, column)
     colour = measured.colours.get(name)
     if colour is None:

@@ -20,6 +20,7 @@ from eha_bench.diagnosis.data.gate import admit, restful_channels
 from eha_bench.diagnosis.data.measured import Measured, notes_of_runs, pooled_noise
 from eha_bench.diagnosis.data.onset import topics_from_onset
 from eha_bench.diagnosis.data.quiet import quiet_stretches, with_colours, with_noise_colour
+from eha_bench.diagnosis.data.stamps import scatter_notes, with_scatter
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.unused_inputs import unused_inputs
@@ -145,7 +146,7 @@ def gather(
             unread.append(error)
     if unread and not measured:
         raise unread[0]
-    measured = [*with_clocks(plant.layout, with_noise_colour(measured))]
+    measured = [*with_clocks(plant.layout, with_scatter(with_noise_colour(measured)))]
     noise = pooled_noise(measured, compared)
     if not noise:
         raise InputError(
@@ -405,6 +406,7 @@ def _noise_notes(measured: Sequence[Measured], units: Mapping[str, str]) -> Iter
             f"input '{name}' was measured, with a noise of {f'{level:.2g} {unit}'.strip()}: its "
             "effect on the simulation counts as noise"
         )
+    yield from scatter_notes(measured)
     yield from colour_notes(measured)
 
 

@@ -66,6 +66,7 @@ def _shares(problem: Problem, residual: FloatArray) -> dict[str, dict[str, float
     """Return the error of every run's channels over what they do themselves."""
     names = problem.plant.outputs
     errors: dict[str, dict[str, list[FloatArray]]] = {}
+    scale = problem.scale
     for piece in problem.pieces:
         window = problem.windows[piece.window]
         run = window.measured.run.name
@@ -73,7 +74,7 @@ def _shares(problem: Problem, residual: FloatArray) -> dict[str, dict[str, float
             name = names[channel]
             own = window.measured.values[window.first + piece.ticks[mask],
                                          window.measured.outputs.index(name)]  # fmt: skip
-            pair = np.stack([own / problem.noise[name], residual[piece.rows][mask]])
+            pair = np.stack([own / scale[piece.rows][mask], residual[piece.rows][mask]])
             errors.setdefault(run, {}).setdefault(name, []).append(pair)
     found: dict[str, dict[str, float]] = {}
     for run, channels in errors.items():

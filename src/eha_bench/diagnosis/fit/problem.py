@@ -158,6 +158,27 @@ class Problem:
         return tuple(found)
 
     @property
+    def scale(self) -> FloatArray:
+        """The noise of each reading, SI, (size,): that of its channel, and more where it moves."""
+        return np.concatenate([np.zeros(0), *(part.scale for part in self._parts)])
+
+    @property
+    def floors(self) -> dict[str, float]:
+        """Channel -> noise of its readings in all, SI: more than at rest if stamps scatter."""
+        found = dict(self.noise)
+        if not any(window.measured.scattered for window in self.windows):
+            return found
+        squares: dict[int, list[FloatArray]] = {}
+        for piece, part in zip(self.pieces, self._parts, strict=True):
+            for channel, mask in piece.by_channel():
+                squares.setdefault(channel, []).append(part.scale[mask] ** 2)
+        names = self.plant.outputs
+        return found | {
+            names[channel]: float(np.sqrt(np.mean(np.concatenate(own))))
+            for channel, own in squares.items()
+        }
+
+    @property
     def has_moved_starts(self) -> bool:
         """Whether any window begins elsewhere than where it was measured."""
         return any(part.moved is not None for part in self._parts)
@@ -657,11 +678,12 @@ class Problem:
         span = slice(window.first, window.last)
         drive = measured.drive(window.first, window.last, history=_HISTORY)
         compared_at = measured.distinct_within(span)[:, use]
-        scale = np.array([self.noise[measured.outputs[at]] for at in use])
+        compared = [measured.outputs[at] for at in use]
+        levels = np.array([self.noise[name] for name in compared])
+        scale = _scale_of(measured, compared, levels, span)
         pick = np.flatnonzero(compared_at.ravel())
         columns = np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp)
         ticks, channels = np.divmod(pick, columns.size)
-        compared = [measured.outputs[at] for at in use]
         colours = [measured.colours.get(name) for name in compared]
         return Prepared(
             window,
@@ -670,10 +692,15 @@ class Problem:
             pick,
             (drive.first + ticks) * len(self.plant.outputs) + columns[channels],
             (measured.values[span][:, use] / scale).ravel()[pick],
-            scale[channels],
+            np.broadcast_to(scale, compared_at.shape).ravel()[pick],
             np.zeros((pick.size, 0)),
             np.zeros(0),
-            whitening=whitening(measured.time[span], compared_at, colours),
+            whitening=whitening(
+                measured.time[span],
+                compared_at,
+                colours,
+                levels / scale if measured.scattered else None,
+            ),
             instants=instants_of(
                 measured,
                 compared,
@@ -708,6 +735,24 @@ class Problem:
         simulated = plant.simulate_each(laid_out, range(len(drives)), starts, self.longest_step)
         windows = np.zeros(len(drives), dtype=np.intp)
         return readings.each(readings.left(simulated, windows, in_run.lateness), windows)
+
+
+def _scale_of(
+    measured: Measured, names: Sequence[str], levels: FloatArray, span: slice
+) -> FloatArray:
+    """Return the noise of readings, SI, (m,) or where stamps scatter (ticks, m).
+
+    Args:
+        measured: the run. names: m channels. levels: (m,) their noise at rest. span: ticks.
+    """
+    if measured.scattered.keys().isdisjoint(names):
+        return levels
+    nothing = np.zeros(span.stop - span.start)
+    moved = [
+        measured.scattered[name].moved[span] if name in measured.scattered else nothing
+        for name in names
+    ]
+    return np.asarray(np.hypot(levels, np.stack(moved, axis=1)), dtype=np.float64)
 
 
 @cache

@@ -22,6 +22,7 @@ from eha_bench.diagnosis.data.measured import Measured
 from eha_bench.diagnosis.data.onset import topics_from_onset
 from eha_bench.diagnosis.data.pauses import parted_at_pauses
 from eha_bench.diagnosis.data.quiet import coloured_like
+from eha_bench.diagnosis.data.stamps import scattered_like
 from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.baseline import STEP, Baseline
@@ -172,7 +173,7 @@ def scores_of(
     for use in Use:
         mine = [item for item in replays if item.use is use]
         before, after = _over_windows(dataset, base, use, ended, vectors, (own[1], own[2]))
-        errors[use] = replay_errors(mine, floors(noise), (before, after))
+        errors[use] = replay_errors(mine, floors(base.problem.floors), (before, after))
         notes += replay_notes(mine, errors[use], _KINDS[use])
         if use is not Use.TRAIN:
             notes += bent_notes(errors[use], _KINDS[use])
@@ -259,7 +260,7 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
                     f"held-out run {run.name} is not scored: nothing that is compared changes in it"
                 )
                 continue
-            item = led_like(coloured_like(item, fitted), fitted)
+            item = led_like(scattered_like(coloured_like(item, fitted), fitted), fitted)
             found.append(like_clocks(item, fitted))
         except EhaBenchError as error:
             notes.append(f"held-out run {run.name} is not scored: {error}")

@@ -198,7 +198,7 @@ def rms_by_channel(problem: Problem, vector: FloatArray) -> dict[str, float]:
     Args:
         problem: prepared at the vector. vector: parameters.
     """
-    residual = problem.with_best_start(vector)
+    residual = problem.with_best_start(vector) * problem.scale
     names = problem.plant.outputs
     sums: dict[str, list[float]] = {}
     for piece in problem.pieces:
@@ -206,7 +206,7 @@ def rms_by_channel(problem: Problem, vector: FloatArray) -> dict[str, float]:
         by_name: dict[str, tuple[IndexArray, FloatArray]] = {}
         for channel, mask in piece.by_channel():
             name = names[channel]
-            error = rows[mask] * problem.noise[name]
+            error = rows[mask]
             by_name[name] = (piece.ticks[mask], error)
             _add(sums, name, error)
         if "pressure_a" in by_name and "pressure_b" in by_name:
