@@ -62,7 +62,7 @@ _BENDS = 3
 _GAP = 2.0
 """A step by more than this many usual ones leaves readings out."""
 _ROUNDS = 8
-_CERTAIN = 4.5
+_CERTAIN = 4.0
 """Standard errors from which there is scatter."""
 _MATTERS = 0.1
 """Least part of a moving reading's noise, squared, that scatter makes."""
