@@ -14,6 +14,9 @@ motions are short (an answer to a step within a few samples) some differences ar
 nothing, so that a low quantile of them says less. The least of two orders is taken, nothing where
 a low quantile denies it, and no more than any channel of the clock allows.
 
+Of stamps that are more regular than that no scatter is told: they were written on a grid, and what
+grows with a slope may be ripple.
+
 No model is used: what a delay, a lag or friction leaves lasts for many samples, and vanishes in
 the differences of readings.
 
@@ -68,6 +71,9 @@ _MATTERS = 0.1
 """Least part of a moving reading's noise, squared, that scatter makes."""
 _LARGEST = 0.3
 """Largest scatter, in usual steps of the clock: beyond it stamps tell no order of readings."""
+_AS_IRREGULAR = 2.0
+"""Largest scatter, in what half of the steps are off the usual one: of stamps on a grid, a load
+cell's ripple that grows with its slope would be taken for scatter of 0.4 ms."""
 
 
 class _Differences(NamedTuple):
@@ -150,7 +156,7 @@ def _scatter_of(measured: Sequence[Measured], clock: str) -> tuple[float, dict[s
     lines: dict[str, _Line] = {}
     higher: list[_Line] = []
     low: list[_Line] = []
-    steps = [0.0]
+    steps, irregular = [0.0], 0.0
     for name in dict.fromkeys(name for item in measured for name in item.outputs):
         runs = [item for item in measured if name in item.outputs and _clock(item, name) == clock]
         if not runs:
@@ -165,7 +171,11 @@ def _scatter_of(measured: Sequence[Measured], clock: str) -> tuple[float, dict[s
             low.append(own)
         if (own := _line(_differences_of(runs, name, _HIGHER), least, _HIGHER)) is not None:
             higher.append(own)
-        steps += [float(np.median(np.diff(_readings(item, name)[1]))) for item in runs]
+        for item in runs:
+            between = np.diff(_readings(item, name)[1])
+            usual = float(np.median(between))
+            steps.append(usual)
+            irregular = max(irregular, float(np.median(np.abs(between - usual))))
     if not lines or not higher or not low:
         return None
     square, error = _together([*lines.values()])
@@ -175,7 +185,7 @@ def _scatter_of(measured: Sequence[Measured], clock: str) -> tuple[float, dict[s
     square = min(square, *(line.slope + 2.0 * line.error for line in lines.values()))
     if square < _CERTAIN * error or _together(low)[0] < _DENIES * square:
         return None
-    if square > (_LARGEST * max(steps)) ** 2:
+    if square > min(_LARGEST * max(steps), _AS_IRREGULAR * irregular) ** 2:
         return None
     if max(line.share * square / line.slope for line in lines.values() if line.slope) < _MATTERS:
         return None
