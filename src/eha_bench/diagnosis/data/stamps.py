@@ -88,7 +88,7 @@ class _Differences(NamedTuple):
     unsure: FloatArray
 
 
-class _Line(NamedTuple):
+class _VarianceLine(NamedTuple):
     """A line through squares: at rest, its slope, and the standard error of that.
 
     Attributes:
@@ -153,9 +153,9 @@ def _scattered(
 
 def _scatter_of(measured: Sequence[Measured], clock: str) -> tuple[float, dict[str, float]] | None:
     """Return a clock's scatter, s, and its channels' noise without it; None where there is none."""
-    lines: dict[str, _Line] = {}
-    higher: list[_Line] = []
-    low: list[_Line] = []
+    lines: dict[str, _VarianceLine] = {}
+    higher: list[_VarianceLine] = []
+    low: list[_VarianceLine] = []
     steps, irregular = [0.0], 0.0
     for name in dict.fromkeys(name for item in measured for name in item.outputs):
         runs = [item for item in measured if name in item.outputs and _clock(item, name) == clock]
@@ -192,7 +192,7 @@ def _scatter_of(measured: Sequence[Measured], clock: str) -> tuple[float, dict[s
     return float(np.sqrt(square)), {name: line.rest**0.5 for name, line in lines.items()}
 
 
-def _together(lines: Sequence[_Line]) -> tuple[float, float]:
+def _together(lines: Sequence[_VarianceLine]) -> tuple[float, float]:
     """Return the slope that several lines share, and its standard error."""
     weights = np.array([line.error**-2 for line in lines])
     slopes = np.array([line.slope for line in lines])
@@ -283,7 +283,7 @@ def _differences(
     )
 
 
-def _line(found: _Differences, least: float, order: int) -> _Line | None:
+def _line(found: _Differences, least: float, order: int) -> _VarianceLine | None:
     """Return the line through squares of differences, None of too few.
 
     Args:
@@ -293,7 +293,7 @@ def _line(found: _Differences, least: float, order: int) -> _Line | None:
         return None
     squares = found.left**2
     rest = max(float(np.median(squares)) / 0.4549, least, 1e-300)
-    line = _Line(rest, 0.0, np.inf, 0.0)
+    line = _VarianceLine(rest, 0.0, np.inf, 0.0)
     for _ in range(_ROUNDS):
         moves = np.maximum(found.moves - line.rest * found.unsure, 0.0)
         expected = line.rest + max(line.slope, 0.0) * moves
@@ -307,7 +307,7 @@ def _line(found: _Differences, least: float, order: int) -> _Line | None:
 
 def _fitted(
     moves: FloatArray, squares: FloatArray, weight: FloatArray, least: float
-) -> _Line | None:
+) -> _VarianceLine | None:
     """Return the weighted line through squares, not below what a resolution makes at rest."""
     scale = float(moves.max())
     if not scale > 0.0:
@@ -324,10 +324,10 @@ def _fitted(
         rest = max(least, 1e-300)
         slope, variance = (by_slope - rest * first) / second, 1.0 / second
     share = slope * float(np.mean(place)) / rest
-    return _Line(rest, slope / scale, float(np.sqrt(variance)) / scale, share)
+    return _VarianceLine(rest, slope / scale, float(np.sqrt(variance)) / scale, share)
 
 
-def _low_line(found: _Differences, line: _Line, least: float) -> _Line | None:
+def _low_line(found: _Differences, line: _VarianceLine, least: float) -> _VarianceLine | None:
     """Return the line through low quantiles of differences in classes of like g."""
     moves = np.maximum(found.moves - line.rest * found.unsure, 0.0)
     classes = np.array_split(np.argsort(moves, kind="stable"), _CLASSES)
