@@ -230,7 +230,7 @@ def spread_of_replays(
 def _held_out(dataset: Dataset, base: Baseline, model: Model) -> list[Measured]:
     """Return the held-out runs, each with its own parameters as its first part tells them."""
     runs, _ = _read(dataset, base.measured)
-    runs = [item for item in runs if item.run.use is Use.HOLDOUT and item.outputs]
+    runs = [item for item in runs if item.run.use is Use.HOLDOUT]
     own = [first_part(item, model, base.problem.noise).values for item in runs]
     return [item.knowing(values) for item, values in zip(runs, own, strict=True)]
 
