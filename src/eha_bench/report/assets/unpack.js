@@ -5,9 +5,9 @@ const unpack = (() => {
     const squeezed = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
     const { writable, readable } = new DecompressionStream("deflate");
     const writer = writable.getWriter();
+    // closed once all is written: a browser under load took what it had for all there is;
     // what is wrong with the data is told where they are read
-    writer.write(squeezed).catch(() => {});
-    writer.close().catch(() => {});
+    writer.write(squeezed).then(() => writer.close()).catch(() => {});
     const bytes = await whole(readable.getReader());
     return { bytes, count: bytes.length / width };
   }
