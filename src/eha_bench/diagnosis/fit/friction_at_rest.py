@@ -12,7 +12,7 @@ from eha_bench.plants.layout import Layout
 _CREEPS = "creep_speed"
 _AT_REST: Mapping[str, tuple[float, ...]] = {
     "m/s": (0.0, 1e-5, 1e-4, 1e-3),
-    "rad/s": (0.0, 1e-3, 1e-2, 1e-1, 0.3, 1.0),
+    "rad/s": (0.0, 1e-3, 1e-2, 1e-1),
 }
 """Speeds over which friction may creep at rest, by their unit."""
 _ALIKE = 0.1
