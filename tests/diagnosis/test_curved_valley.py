@@ -70,11 +70,11 @@ def test_what_is_hardly_believed_still_has_a_minimum() -> None:
     believed = np.diag([2.0, 2.0])
     away = np.append(np.zeros(DRIVE.size), [1.2, 1.2])
     free = tuple(Free(key, k, 1e-3, 10.0, 1.0) for k, key in enumerate(("constant", "mass")))
-    fit = Fit(np.ones(2), free, away, np.vstack([data, believed]), 2.88, 0, 1e6, 2)
+    fit = Fit(np.ones(2), free, away, np.vstack([data, believed]), 2.88, 0, 100.0, 2)
     found = determined_directions(fit)
-    assert found.information[0] == pytest.approx(4.0)
+    assert found.information[0] == pytest.approx(4.0, rel=1e-4)
     # each is 1.2 standard deviations of what is believed away
-    assert convergence(fit).distance == pytest.approx(np.hypot(1.2, 1.2), rel=1e-6)
+    assert convergence(fit).distance == pytest.approx(np.hypot(1.2, 1.2), rel=1e-3)
     # what nobody believes anything of has no minimum there
-    alone = Fit(np.ones(2), free, away[:-2], data, 0.0, 0, 1e6, 0)
+    alone = Fit(np.ones(2), free, away[:-2], data, 0.0, 0, 100.0, 0)
     assert determined_directions(alone).information.size == 1

@@ -767,11 +767,12 @@ def soften(residual: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatA
     rho(r) = 2 c^2 (sqrt(1 + (r / c)^2) - 1); the weights multiply the rows of a Jacobian.
     """
     limit = _SOFT * scale
-    # as 2 r^2 / (1 + root), which loses no digits where a residual is small
-    known = np.isfinite(residual)
-    root = np.hypot(1.0, np.where(known, residual / limit, 0.0))
-    half = np.sqrt(0.5 * (1.0 + root))
-    return residual / half, half / root
+    ratio = residual / limit
+    root = np.sqrt(1.0 + ratio * ratio)
+    soft = np.sign(residual) * np.sqrt(2.0 * limit**2 * (root - 1.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weight = np.where(np.abs(residual) > 1e-6, residual / (root * soft), 1.0)
+    return soft, np.where(np.isfinite(weight), weight, 1.0)
 
 
 def cost_of(problem: Problem, vector: FloatArray) -> float:
