@@ -87,14 +87,18 @@ def test_a_trapezoid_takes_the_way_over_its_speed_and_the_speed_over_its_acceler
 
 def test_a_window_begins_where_the_limited_reference_was() -> None:
     """After 0.3 s at 0.5 rad/s a reference is half way to 0.3 rad: no reading says so."""
-    goal = stepped(0.3)
-    whole = run(goal, "reference_rate_limit", time_per_unit=2.0)
+    assert_begins_where_it_was(stepped(0.3), 350, "reference_rate_limit", time_per_unit=2.0)
+
+
+def assert_begins_where_it_was(goal: FloatArray, before: int, effect: str, **values: Any) -> None:
+    """A window of a run, of which so many rows before are known, is a part of it."""
+    whole = run(goal, effect, **values)
     plant, first = get_plant("position_servo"), 400
-    rows = slice(first - 350, first + 100)
+    rows = slice(first - before, first + 100)
     start = {name: float(whole[name][first]) for name in ("angle", "velocity")}
-    drive = Drive(ticks(goal.size)[rows], {"goal_position": goal[rows]}, start, first=350)
-    vector = vector_of("reference_rate_limit", time_per_unit=2.0)
-    window = plant.simulate(vector, drive, 1e-4)[350:, list(plant.outputs).index("angle")]
+    drive = Drive(ticks(goal.size)[rows], {"goal_position": goal[rows]}, start, first=before)
+    vector = vector_of(effect, **values)
+    window = plant.simulate(vector, drive, 1e-4)[before:, list(plant.outputs).index("angle")]
     np.testing.assert_allclose(window, whole["angle"][first : first + 100], atol=1e-4)
 
 
@@ -120,14 +124,7 @@ def test_a_reference_is_late_between_the_samples_of_a_slow_log() -> None:
 
 def test_a_window_begins_with_what_was_asked_for_before_it() -> None:
     goal = 0.3 * np.sin(np.arange(600) / 40.0)
-    whole = run(goal, "reference_delay", delay=0.03)
-    plant, first = get_plant("position_servo"), 400
-    rows = slice(first - 60, first + 100)
-    start = {name: float(whole[name][first]) for name in ("angle", "velocity")}
-    drive = Drive(ticks(goal.size)[rows], {"goal_position": goal[rows]}, start, first=60)
-    vector = vector_of("reference_delay", delay=0.03)
-    window = plant.simulate(vector, drive, 1e-4)[60:, list(plant.outputs).index("angle")]
-    np.testing.assert_allclose(window, whole["angle"][first : first + 100], atol=1e-4)
+    assert_begins_where_it_was(goal, 60, "reference_delay", delay=0.03)
 
 
 def test_a_late_reference_leaves_the_loop_as_stiff_as_it_is() -> None:

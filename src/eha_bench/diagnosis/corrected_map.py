@@ -13,9 +13,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Final, NamedTuple
 
-import numpy as np
-
-from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.baseline import (
@@ -99,12 +96,4 @@ def _left(base: Baseline, other: Baseline) -> float:
 def _errors(base: Baseline) -> Mapping[str, float]:
     """Return each channel's mean square error over all windows, SI squared."""
     problem = base.problem
-    residual = problem.in_readings(base.fit.residual) * problem.scale
-    names = problem.plant.outputs
-    squares: dict[str, list[FloatArray]] = {}
-    for piece in problem.pieces:
-        rows = residual[piece.rows]
-        for channel, mask in piece.by_channel():
-            name = names[channel]
-            squares.setdefault(name, []).append(rows[mask] ** 2)
-    return {name: float(np.mean(np.concatenate(own))) for name, own in squares.items()}
+    return problem.mean_squares(problem.in_readings(base.fit.residual) * problem.scale)

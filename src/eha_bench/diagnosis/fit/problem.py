@@ -168,15 +168,21 @@ class Problem:
         found = dict(self.noise)
         if not any(window.measured.scattered for window in self.windows):
             return found
-        squares: dict[int, list[FloatArray]] = {}
-        for piece, part in zip(self.pieces, self._parts, strict=True):
+        squares = self.mean_squares(self.scale)
+        return found | {name: float(np.sqrt(square)) for name, square in squares.items()}
+
+    def mean_squares(self, values: FloatArray) -> dict[str, float]:
+        """Return channel -> mean square of what belongs to its readings.
+
+        Args:
+            values: (size,) of each reading; what stands behind them, as of beliefs, is left out.
+        """
+        squares: dict[str, list[FloatArray]] = {}
+        for piece in self.pieces:
+            rows = values[piece.rows]
             for channel, mask in piece.by_channel():
-                squares.setdefault(channel, []).append(part.scale[mask] ** 2)
-        names = self.plant.outputs
-        return found | {
-            names[channel]: float(np.sqrt(np.mean(np.concatenate(own))))
-            for channel, own in squares.items()
-        }
+                squares.setdefault(self.plant.outputs[channel], []).append(rows[mask] ** 2)
+        return {name: float(np.mean(np.concatenate(own))) for name, own in squares.items()}
 
     @property
     def has_moved_starts(self) -> bool:
